@@ -232,7 +232,7 @@ def _surfels(path: Path, big: BigWorkspace, generator: np.random.Generator) -> N
         *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity"),
         *("scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"),
     ]
-    table = np.zeros(big.surfels, [*((n, "<f4") for n in floats), ("label", "<i4")])
+    table = np.zeros(big.surfels, [(n, "<f4") for n in (*floats, "label")])
     across = generator.uniform(0, 1, big.surfels)
     places = _street(generator.uniform(0, 1, big.surfels), across, big.length)
     colours = _colours(places)

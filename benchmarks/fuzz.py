@@ -32,7 +32,7 @@ from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 
 RESULTS = HERE / "results" / "fuzz.json"
-PARSERS = ("plyfile", "pyarrow", "opencv-contrib-python-headless")
+PARSERS = ("numpy", "pyarrow", "opencv-contrib-python-headless")
 """Packages that read beside this one; their versions are noted, too."""
 
 

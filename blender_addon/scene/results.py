@@ -289,7 +289,7 @@ def _square_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
     meshes.set_colors(mesh, "Col", np.repeat(colors[chosen], 4, axis=0))
     opacity = 1 / (1 + np.exp(-ply.vertices["opacity"][chosen].astype(np.float64)))
     meshes.set_face_values(mesh, "opacity", opacity)
-    meshes.set_face_values(mesh, "label", ply.vertices["label"][chosen])
+    meshes.set_face_values(mesh, "label", ply.vertices["label"][chosen].astype(np.int32))
     thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = len(centres), len(chosen)
     _finish(mesh, mark, _stamp(path, drive))
 

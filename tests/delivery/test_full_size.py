@@ -122,7 +122,10 @@ def test_outside_of_masks_the_pixels_are_those_of_the_file(kind: str, lens: Dist
     changed = (color != (own[..., :3] if own.ndim == 3 else own)).reshape(*touched.shape, -1).any(axis=-1)
     assert changed[inside].mean() > 0.9
     if back.ndim == 3 and back.shape[2] == 4:
-        assert np.array_equal(back[..., 3], own[..., 3])
+        # What is put in is opaque; the transparency of all else is the file's.
+        other = back[..., 3] != own[..., 3]
+        assert (back[..., 3][other] == np.iinfo(back.dtype).max).all() and not other[~touched].any()
+        assert (back[..., 3][inside] == np.iinfo(back.dtype).max).all() and other[inside].mean() > 0.9
 
 
 def test_nothing_removed_is_the_file() -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from plyfile import PlyData, PlyElement
 
 from unveil_core.base.errors import DriveError
 from unveil_core.drives.drive import PointCloud
@@ -20,9 +18,11 @@ def ply(kind: str, colors: list[list[float]], *, text: bool = False) -> bytes:
     table = np.zeros(len(colors), [(n, "<f4") for n in "xyz"] + [(n, kind) for n in ("red", "green", "blue")])
     for name, values in zip(("red", "green", "blue"), zip(*colors, strict=True), strict=True):
         table[name] = values
-    stream = io.BytesIO()
-    PlyData([PlyElement.describe(table, "vertex")], text=text, byte_order="=" if text else "<").write(stream)
-    return stream.getvalue()
+    names = {"<f4": "float", "u1": "uchar", "<u2": "ushort", "<i4": "int"}
+    fields = "".join(f"property {names[table.dtype[n].str.replace('|', '')]} {n}\n" for n in table.dtype.names or ())
+    head = f"ply\nformat {'ascii' if text else 'binary_little_endian'} 1.0\nelement vertex {len(table)}\n{fields}end_header\n"
+    rows = "".join(" ".join(map(str, row)) + "\n" for row in table.tolist()).encode() if text else table.tobytes()
+    return head.encode() + rows
 
 
 @pytest.mark.parametrize("text", [False, True])

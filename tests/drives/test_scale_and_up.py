@@ -10,8 +10,10 @@ import pytest
 
 from tests.drives.tiny_drive import edit
 from tests.other_frame import Y_UP_UTM, put_into_other_frame
+from tests.plain_ply import read_plain_ply
 from tests.small_street import make_small_street
 from unveil_core.base.errors import DriveError
+from unveil_core.base.ply.writing import write_vertices
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, PointCloud
 from unveil_core.drives.importing.whole_drive import import_drive, localized
@@ -148,14 +150,12 @@ def test_what_a_transforms_json_tells_of_its_scale(street: Path, keys: dict, sca
 @pytest.mark.parametrize("name", ["intensity", "scalar_Reflectance"])
 def test_points_of_a_laser_scanner_are_metres(street: Path, name: str) -> None:
     edit(street, lambda d: d.pop("metric"))
-    from plyfile import PlyData, PlyElement
-
     path = street.parent / "points.ply"
-    vertex = PlyData.read(str(path))["vertex"].data
+    vertex = read_plain_ply(path)
     table = np.zeros(len(vertex), dtype=[*vertex.dtype.descr, (name, "<f4")])
     for n in vertex.dtype.names:
         table[n] = vertex[n]
-    PlyData([PlyElement.describe(table, "vertex")]).write(str(path))
+    write_vertices(path, table)
     assert place_drive(open_drive(street)).scale_source == "measured points"
 
 

@@ -14,6 +14,7 @@ import pytest
 from tests.exports.conftest import Street
 from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.pictures.colours import SRGB
 from unveil_core.exports.color import LINEAR, linear_light
 
 ocio = pytest.importorskip("PyOpenColorIO")
@@ -27,7 +28,7 @@ TO_ACESCG = np.array(
 def test_without_a_configuration_it_is_rec_709(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OCIO", raising=False)
     light = linear_light()
-    assert light.name == LINEAR and light.configuration is None
+    assert light.name_for(SRGB) == LINEAR and light.configuration is None
     np.testing.assert_allclose(light.of(np.array([[[0.0, 0.5, 1.0]]])), [[[0, 0.21404114, 1]]], rtol=1e-6)
 
 

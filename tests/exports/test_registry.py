@@ -14,6 +14,7 @@ import torch
 
 from docs.generate import ROOT
 from tests.exports.conftest import Street
+from tests.plain_ply import read_plain_ply
 from unveil_core.app.cli import main
 from unveil_core.base.errors import Cancelled
 from unveil_core.exports.job import Job
@@ -67,6 +68,19 @@ def test_a_folder_of_something_else_stays(street: Street, tmp_path: Path, capsys
     assert [p.name for p in tmp_path.rglob("*")] == ["png", "mine.txt"]
 
 
+def test_one_format_after_the_other_into_one_folder(
+    street: Street, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    for name in ("nerfstudio", "colmap", "png", "colmap"):
+        assert main(["export", str(street.root), "--to", name, "-o", str(out)]) == 0
+    (out / "sparse").mkdir()  # somebody's own model beside ours
+    for file in ("images.txt", "cameras.txt"):
+        shutil.copy(out / "colmap/sparse/0" / file, out / "sparse" / file)
+    assert main(["export", str(street.root), "--to", "png", "-o", str(out)]) == 2
+    assert "out: is a drive" in capsys.readouterr().err
+
+
 def test_cancelled_halfway_nothing_is_left(street: Street, tmp_path: Path) -> None:
     def stop(done: int, total: int, message: str = "", **metrics: float) -> None:
         if done == 2:
@@ -89,10 +103,8 @@ def test_a_single_file_may_be_named_and_must_have_its_suffix(
 
 
 def test_the_full_street_has_its_cars(street: Street, tmp_path: Path) -> None:
-    from plyfile import PlyData
-
     assert main(["export", str(street.root), "--to", "splat-ply", "--state", "full", "-o", str(tmp_path)]) == 0
-    vertex = PlyData.read(str(tmp_path / "full_splats.ply"))["vertex"]
+    vertex = read_plain_ply(tmp_path / "full_splats.ply")
     assert set(vertex["instance"]) == {0, 1, 2, 3}
 
 

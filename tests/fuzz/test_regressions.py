@@ -128,7 +128,7 @@ TEXTS = (
 )
 """Reader, file, words in it, and what stands there instead."""
 BYTES = (
-    ("PLY of surfels", "surfels.ply", b"int label", b"float label"),
+    ("PLY of surfels", "surfels.ply", b"float label", b"int label"),
     ("PLY of surfels", "surfels.ply", b"element vertex 3", b"element vertex 3000000000"),
     ("PLY of surfels", "surfels.ply", b"property float x", b"property list uchar float x"),
     ("PLY of surfels", "surfels.ply", b"f_rest_8", b"other_08"),

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from plyfile import PlyData
 
+from tests.plain_ply import read_plain_ply
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.geometry.axes import upright
 from unveil_core.geometry.similarity import Similarity
@@ -32,12 +32,10 @@ def mesh() -> Mesh:
 def test_ply_opens_elsewhere(mesh: Mesh, tmp_path: Path) -> None:
     path = tmp_path / "deep/er/mesh.ply"
     write_ply(mesh, path)
-    data = PlyData.read(str(path))
-    vertex = data["vertex"]
+    vertex = read_plain_ply(path)
     assert vertex["x"].dtype == np.float32
     np.testing.assert_array_equal(np.stack([vertex[a] for a in "xyz"], axis=1), mesh.vertices)
     np.testing.assert_array_equal(np.stack([vertex[c] for c in ("red", "green", "blue")], axis=1), mesh.colors)
-    np.testing.assert_array_equal(np.stack(list(data["face"]["vertex_indices"])), mesh.faces)
     loaded = trimesh.load(path, process=False)
     np.testing.assert_array_equal(loaded.faces, mesh.faces)
     assert [p.name for p in path.parent.iterdir()] == ["mesh.ply"]
@@ -46,7 +44,7 @@ def test_ply_opens_elsewhere(mesh: Mesh, tmp_path: Path) -> None:
 def test_ply_keeps_far_coordinates(mesh: Mesh, tmp_path: Path) -> None:
     path = tmp_path / "mesh.ply"
     write_ply(mesh, path, SHIFT)
-    vertex = PlyData.read(str(path))["vertex"]
+    vertex = read_plain_ply(path)
     assert vertex["x"].dtype == np.float64
     world = np.stack([vertex[a] for a in "xyz"], axis=1)
     np.testing.assert_allclose(world - UTM, mesh.vertices, atol=1e-8)
@@ -152,7 +150,7 @@ def test_files_are_in_the_world_whatever_its_unit_and_axes(mesh: Mesh, tmp_path:
     write_ply(mesh, tmp_path / "mesh.ply", to_world)
     write_obj(mesh, tmp_path / "mesh.obj", to_world)
     world = UTM + 0.1 * mesh.vertices[:, [0, 2, 1]].astype(np.float64) * (1, 1, -1)
-    vertex = PlyData.read(str(tmp_path / "mesh.ply"))["vertex"]
+    vertex = read_plain_ply(tmp_path / "mesh.ply")
     np.testing.assert_allclose(np.stack([vertex[a] for a in "xyz"], axis=1) - UTM, world - UTM, atol=1e-6)
     lines = (tmp_path / "mesh.obj").read_text().splitlines()
     rows = np.array([line.split()[1:4] for line in lines if line.startswith("v ")], dtype=np.float64)

@@ -10,9 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.base.pictures.test_metadata import in_file
 from tests.small_street import make_small_street
 from unveil_core.base.errors import Cancelled
-from unveil_core.base.pictures.decoding import read_label_image
+from unveil_core.base.pictures.decoding import read_label_image, read_metadata
+from unveil_core.base.pictures.metadata import metadata_of
 from unveil_core.delivery.lens import footage_positions
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
@@ -24,6 +26,8 @@ from unveil_core.workspace.workspace import Workspace
 SETTINGS = RunSettings(quality="draft", iterations=60, splats=6_000, work_side=96)
 K = {"k1": -0.06, "k2": 0.01, "p1": 0.001, "p2": -0.001}
 FOCAL, WIDTH, HEIGHT = 85.0, 128, 80
+NOTED = metadata_of(in_file("JPEG"))
+"""Of a phone: Display P3, camera, place and notes."""
 
 
 def in_lens(picture: np.ndarray, mode: int) -> np.ndarray:
@@ -51,6 +55,7 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for file in sorted((path.parent / "images").glob("*.png")):
         bent = in_lens(cv2.imread(str(file)), cv2.INTER_CUBIC).astype(np.uint16)
         cv2.imwrite(str(file), bent * 256 + generator.integers(0, 256, bent.shape).astype(np.uint16))
+        file.write_bytes(NOTED.in_png(file.read_bytes()))
     for folder in ("semantics", "instances"):
         for file in sorted((path.parent / folder).glob("*.png")):
             cv2.imwrite(str(file), in_lens(cv2.imread(str(file), cv2.IMREAD_UNCHANGED), cv2.INTER_NEAREST))
@@ -78,6 +83,7 @@ def test_outside_of_what_went_each_pixel_is_the_file_s(street: Path, done: Works
         touched = cv2.dilate(in_lens(wide, cv2.INTER_LINEAR), np.ones((5, 5))) > 0
         assert np.array_equal(delivered[~touched], own[~touched]) and touched.mean() < 0.5
         changed += int((delivered != own).any(axis=2).sum())
+        assert read_metadata(done.root / f"frames/camera/{frame.name}.png") == NOTED
     assert changed > 1000
     assert sorted(p.name for p in (done.root / "frames/camera").iterdir()) == [f"{f.name}.png" for f in drive.frames]
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from plyfile import PlyData
 
 from tests.hard_drives import LINE, LONGER, check_frames, make_tiny_street, move, reconstructed, replace_points
+from tests.plain_ply import read_plain_ply
 from unveil_core.app.export import export_results
 from unveil_core.base.errors import DriveError
 from unveil_core.pipeline.run import run
@@ -32,7 +32,7 @@ def test_utm_coordinates_cost_nothing(tmp_path: Path) -> None:
     assert float(distance.quantile(0.9)) < 0.01
     workspace = run(path, tmp_path / "ws", LONGER, until="mesh")
     check_frames(workspace, path, 30)
-    vertex = PlyData.read(str(export_results(workspace, to=["ply"])[0]))["vertex"]
+    vertex = read_plain_ply(export_results(workspace, to=["ply"])[0])
     middle = [float(np.median(np.asarray(vertex[n], dtype=np.float64))) for n in "xyz"]
     assert np.abs(np.array(middle) - UTM - (12, 0, 1)).max() < 12
 

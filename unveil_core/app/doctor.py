@@ -22,7 +22,7 @@ _PACKAGES = (
     "numba",
     "opencv-contrib-python-headless",
     "scipy",
-    "scikit-image",
+    "pillow",
     "trimesh",
     "fast-simplification",
     "onnxruntime",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.progress import Progress, no_notice, no_progress
 from unveil_core.exports.job import START_FRAME, STATES, TEXTURE_PX, Job
 from unveil_core.exports.registry import ExportFormat, export, formats_named, place_of
+from unveil_core.exports.splats.spz import SPZ_VERSION, check_spz
 from unveil_core.pipeline.output_place import check_file_place, check_folder_place, drives_of
 from unveil_core.workspace.workspace import Workspace
 
@@ -32,9 +33,13 @@ def export_results(
     levels: int = 0,
     texture_px: int = TEXTURE_PX,
     start_frame: int = START_FRAME,
+    spz_version: int = SPZ_VERSION,
+    epsg: str = "",
     output: Path | None = None,
     replace: bool = False,
+    undistorted: bool = False,
     progress: Progress = no_progress,
+    notice: Callable[[str], None] = no_notice,
 ) -> list[Path]:
     """Write results of a workspace in one or more formats, in the drive's coordinates (see ``exports.coordinates``).
 
@@ -45,10 +50,13 @@ def export_results(
         triangles: the most that a mesh may have; None for all, or for 200,000 of a mesh with textures.
         levels: of detail of a mesh with textures, besides the finest, 0 to 6; texture_px: side of a page, 256 to 16,384.
         start_frame: number of the first plate of each track.
+        spz_version: 2, 3 or 4, of ``spz``.
+        epsg: code of the coordinate system that the drive's coordinates are of, for ``las`` and ``laz``; "" for none.
         output: a folder; of a single format that is one file, also that file, with its suffix. A single mesh goes to
             ``meshes/<state>_<triangles or all>.<format>`` by default.
         replace: whether a file that no export of the workspace made may be written over.
-        progress: called by long formats.
+        undistorted: whether cameras and pictures of ``colmap`` and ``nerfstudio`` are pinhole, their lens taken out.
+        progress: called by long formats; notice: with what a user should know of what was written.
     Returns:
         the files and folders written.
     Raises:
@@ -68,7 +76,20 @@ def export_results(
         )
         raise SettingsError(f"--texture {texture_px} is no side of a page", mend=mend)
     formats = formats_named(to or _of_suffix(output))
-    job = Job(workspace, state, triangles, levels, texture_px, start_frame, progress)
+    check_spz(spz_version)
+    job = Job(
+        workspace,
+        state,
+        triangles,
+        levels,
+        texture_px,
+        start_frame,
+        spz_version=spz_version,
+        epsg=epsg,
+        undistorted=undistorted,
+        progress=progress,
+        notice=notice,
+    )
     return export(job, _places(job, formats, output), replace=replace)
 
 

@@ -193,6 +193,18 @@ def _add_export(verbs: _Verbs) -> None:
     p.add_argument("--texture", type=int, default=4096, metavar="PX", help="side of a page of textures (4096)")
     p.add_argument("--start-frame", type=int, default=1001, metavar="N", help="number of a camera's first plate (1001)")
     p.add_argument(
+        "--epsg",
+        default="",
+        metavar="CODE",
+        help="coordinate system of the drive's coordinates for LAS, as 25832 or with heights 25832+7837",
+    )
+    p.add_argument(
+        "--undistorted",
+        action="store_true",
+        help="pinhole cameras and pictures in colmap and nerfstudio, without lenses",
+    )
+    p.add_argument("--spz", type=int, default=3, metavar="VERSION", help="of an SPZ file: 2, 3 or 4 (3)")
+    p.add_argument(
         "-o",
         "--output",
         type=Path,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.output.written import check_writable, note_written
+from unveil_core.base.pictures.decoding import read_metadata
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.camera_path import View, drive_path, read_camera_path, shifted
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -98,12 +99,16 @@ def render_views(
     check_writable(output, files, mend="name an empty folder, or one that was rendered to, with -o")
     surfels, sky = _scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
+    first = drive.frames[0]
+    colours = read_metadata(first.image_path if first.footage is None else first.footage.path).of_color
     frames = []
     try:
         note_written(output, files)
         for done, (view, name) in enumerate(zip(views, names, strict=True)):
             for plane, picture in _pictures(surfels, sky, view.camera, planes, scene).items():
-                write_image_atomic(output / plane / f"{name}.png", picture, like=drive.frames[0].image_path)
+                target = output / plane / f"{name}.png"
+                metadata = colours if plane == "rgb" else None
+                write_image_atomic(target, picture, like=drive.frames[0].image_path, metadata=metadata)
             frames.append(_described(view, name, planes, drive))
             progress(done + 1, len(views), "rendering")
         scale = {"metric": True} if drive.scale_source == "metric" else {}

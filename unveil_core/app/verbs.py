@@ -194,9 +194,13 @@ def _export(arguments: argparse.Namespace) -> int:
             levels=arguments.lods,
             texture_px=arguments.texture,
             start_frame=arguments.start_frame,
+            spz_version=arguments.spz,
+            epsg=arguments.epsg,
+            undistorted=arguments.undistorted,
             output=arguments.output,
             replace=arguments.replace,
             progress=_progress_of("export", reporter),
+            notice=_notice_of("export", reporter),
         )
     names = [str(path) for path in written]
     # "file" is what programs of before read, which ask for one.
@@ -212,6 +216,16 @@ def _progress_of(verb: str, reporter: Reporter) -> Progress:
         reporter({**event, "level": "info", **metrics})
 
     return progress
+
+
+def _notice_of(verb: str, reporter: Reporter) -> Callable[[str], None]:
+    """Notices of a verb that is no stage, as its events."""
+
+    def notice(line: str) -> None:
+        event = {"t": round(time.time(), 3), "stage": verb, "done": 0, "total": 0, "message": line}
+        reporter({**event, "level": "notice"})
+
+    return notice
 
 
 def _bench(arguments: argparse.Namespace) -> int:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.new_files import mode_like, new_file
 from unveil_core.base.disk.open_safely import LARGEST_STATE, LARGEST_TEXT, RefusedFileError, open_file, read_bytes
 from unveil_core.base.errors import DriveError, WorkspaceError
+from unveil_core.base.pictures.metadata import Metadata
 
 __all__ = [
     "LEAST_ROOM",
@@ -239,11 +240,14 @@ def write_json_atomic(path: Path, content: object, *, like: Path | None = None) 
     write_bytes_atomic(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode(), like=like)
 
 
-def write_image_atomic(path: Path, image: NDArray[np.generic], *, like: Path | None = None) -> None:
+def write_image_atomic(
+    path: Path, image: NDArray[np.generic], *, like: Path | None = None, metadata: Metadata | None = None
+) -> None:
     """Write an image in the format of its suffix: (H, W, 3) RGB, (H, W, 4) RGBA or (H, W), uint8 or uint16.
 
     Args:
         like: see :func:`write_atomic`.
+        metadata: what the picture that it was made from means; goes into a PNG.
     """
     path = Path(path)
     order = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
@@ -252,7 +256,8 @@ def write_image_atomic(path: Path, image: NDArray[np.generic], *, like: Path | N
     done, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(ordered), options)
     if not done:
         raise ValueError(f"cannot encode {path.name}")
-    write_bytes_atomic(path, encoded.tobytes(), like=like)
+    content = encoded.tobytes()
+    write_bytes_atomic(path, content if metadata is None else metadata.in_png(content), like=like)
 
 
 def copy_picture(source: Path, destination: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Protocol
 
-__all__ = ["Progress", "no_progress", "part_of", "stop_asked"]
+__all__ = ["Progress", "no_notice", "no_progress", "part_of", "stop_asked"]
 
 stop_asked = threading.Event()
 """Set from when a signal asked the program to end until it has. What waits for another process, in any thread, looks at it: a
@@ -35,3 +35,7 @@ def part_of(progress: Progress, number: int, count: int) -> Progress:
 
 def no_progress(done: int, total: int, message: str = "", **metrics: float) -> None:
     """Say nothing."""
+
+
+def no_notice(line: str) -> None:
+    """A notice that nobody listens to."""

@@ -17,6 +17,6 @@ def linear_of_srgb(color: NDArray[np.floating]) -> Float64:
 
 
 def srgb_of_linear(light: NDArray[np.floating]) -> Float64:
-    """Inverse of :func:`linear_of_srgb`; below 0 it is 0."""
-    light = np.maximum(np.asarray(light, dtype=np.float64), 0)
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    """The inverse of :func:`linear_of_srgb`."""
+    light = np.asarray(light, dtype=np.float64)
+    return np.where(light <= 0.04045 / 12.92, light * 12.92, 1.055 * np.maximum(light, 0) ** (1 / 2.4) - 0.055)

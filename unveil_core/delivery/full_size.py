@@ -86,13 +86,15 @@ def as_color(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> Float32:
 
 
 def put_colors(picture: NDArray[np.uint8] | NDArray[np.uint16], mask: Mask, colors: Float32) -> None:
-    """Write colours (N, 3) in [0, 1] into a file's picture where the mask (H, W) is, in its channels and bits; its transparency
-    stays."""
+    """Write colours (N, 3) in [0, 1] into a file's picture where the mask (H, W) is, in its channels and bits; it is opaque there:
+    who marks what is to go by transparency wants to see what is put in."""
     levels = np.clip(np.round(colors * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
     if picture.ndim == 2:
         picture[mask] = (levels @ np.array([0.299, 0.587, 0.114])).astype(picture.dtype)
     else:
         picture[..., :3][mask] = levels.astype(picture.dtype)
+        if picture.shape[2] == 4:
+            picture[..., 3][mask] = np.iinfo(picture.dtype).max
 
 
 def full_size_frame(

@@ -21,6 +21,8 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
+from unveil_core.drives.formats.nerfstudio.keys import Keys
+from unveil_core.drives.formats.nerfstudio.shift import shift_told
 from unveil_core.drives.formats.transforms_json import pose_from_matrix
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
@@ -165,6 +167,7 @@ def _checked(camera: Camera, path: Path, name: str) -> Camera:
 
 def _frame_camera(entry: dict[str, Any], top: dict[str, Any], path: Path, name: str, own: Camera) -> Camera:
     pose = _pose(entry.get("transform_matrix"), path, name)
+    pose = shift_told(Keys({}, top, path)).camera_to_world(replace(own, world_to_camera=pose)).world_to_camera
     width, height, fx, angle = (_number(entry, top, n) for n in ("w", "h", "fl_x", "camera_angle_x"))
     if fx is None and angle is None and width is None and height is None:
         return replace(own, world_to_camera=pose)

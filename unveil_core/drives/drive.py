@@ -195,7 +195,8 @@ class Drive:
         frames: frames in order of travel (per camera in time order).
         points: LiDAR or SfM points; empty in a drive with sweeps until it is imported.
         sweeps: of its LiDARs, in order of time.
-        to_world: from the coordinates of cameras, points and boxes to those of the files; identity before import.
+        to_world: from the coordinates of cameras, points and boxes to those of the files; before import the identity, or what files
+            say that they leave out.
         units_per_metre: of these coordinates; None where the files do not tell. 1 once imported.
         scale_source: how the scale is known, see :class:`unveil_core.drives.scale_and_up.Placement`.
         up: (3,) unit vector; None where the files do not tell. z once imported.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from plyfile import PlyData, PlyElement
 
-from unveil_core.base.checks.ply_headers import UNREADABLE, read_ply
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import write_atomic
+from unveil_core.base.ply.reading import UNREADABLE, Vertices, read_vertices
+from unveil_core.base.ply.writing import write_vertices
 from unveil_core.drives.drive import PointCloud
 
 __all__ = ["read_points", "write_points"]
@@ -45,31 +45,32 @@ def read_points(path: Path) -> PointCloud:
             "there is no such point file", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points"
         )
     try:
-        vertex = read_ply(path, links=True)["vertex"].data
-        with np.errstate(invalid="ignore"):  # of a signalling NaN NumPy warns; it is told below, as any other
-            positions = np.stack([np.asarray(vertex[n], dtype=np.float64) for n in "xyz"], axis=1)
-        colors = _colors_of(vertex)
-        classes = np.asarray(vertex["train_id"], dtype=np.uint8) if "train_id" in vertex.dtype.names else None
-        moving = np.asarray(vertex["moving"]) != 0 if "moving" in vertex.dtype.names else None
+        vertices = read_vertices(path, links=True)
+        positions = vertices.columns("xyz", np.float64)
+        colors = _colors_of(vertices)
+        classes = vertices.columns(("train_id",), np.uint8)[:, 0] if "train_id" in vertices.names else None
+        moving = vertices.table["moving"] != 0 if "moving" in vertices.names else None
     except UNREADABLE as error:
         problem = f"is not a readable point PLY: {str(error) or type(error).__name__}"
         raise DriveError(problem, path=path, mend="export it again") from error
     if not len(positions):
         raise DriveError("holds no points", path=path, mend="a drive needs LiDAR or SfM points")
-    finite = np.isfinite(positions).all(axis=1)
-    if not finite.all():
+    if not np.isfinite(positions).all():
+        finite = np.isfinite(positions).all(axis=1)
         raise DriveError(f"point {int(np.argmin(finite))} is not finite", path=path, mend="remove it")
-    names = vertex.dtype.names
-    bare = {n.lower().removeprefix("scalar_") for n in names}
+    bare = {n.lower().removeprefix("scalar_") for n in vertices.names}
     return PointCloud(positions, colors, bool(bare & SCANNED), classes, moving)
 
 
-def _colors_of(vertex: NDArray[np.void]) -> NDArray[np.uint8] | None:
+def _colors_of(vertices: Vertices) -> NDArray[np.uint8] | None:
     """(P, 3), None where there are none: of bytes, of 16 bits, or of floating point from 0 to 1."""
     names = ("red", "green", "blue")
-    if not set(names) <= set(vertex.dtype.names or ()):
+    if not set(names) <= set(vertices.names):
         return None
-    found = np.stack([np.asarray(vertex[n]) for n in names], axis=1)
+    kind = np.result_type(*(vertices.table.dtype[n] for n in names)).newbyteorder("=")
+    found: NDArray[Any] = vertices.columns(names, kind.type)
+    if found.dtype == np.uint8:
+        return found
     if found.dtype.kind == "f":
         found = np.nan_to_num(found, posinf=255, neginf=0)
         found = (found * 255).round() if found.max(initial=0) <= 1 else found
@@ -94,5 +95,4 @@ def write_points(points: PointCloud, path: Path) -> None:
             table[name] = points.colors[:, i]
     for name, values in more.items():
         table[name] = values
-    data = PlyData([PlyElement.describe(table, "vertex")], text=False, byte_order="<")
-    write_atomic(path, data.write)
+    write_vertices(path, table)

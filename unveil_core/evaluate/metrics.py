@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from skimage.metrics import structural_similarity
+from scipy.ndimage import gaussian_filter
 
 from unveil_core.base.types import Float64, Mask, Picture
 
@@ -29,7 +29,9 @@ __all__ = [
 
 Image = NDArray[np.uint8] | NDArray[np.floating]
 
-SSIM_WINDOW = 11
+SSIM_WINDOW, SSIM_SIGMA = 11, 1.5
+SSIM_SOFT = 0.01**2, 0.03**2
+"""Added to products of means and to covariances, so that nothing is divided by nothing: the paper's (K1 L)^2, (K2 L)^2, L = 1."""
 
 
 def as_unit_float(image: Image) -> NDArray[np.float64]:
@@ -83,11 +85,22 @@ def ssim_map(a: Image, b: Image) -> NDArray[np.float64]:
         raise ValueError(f"images differ in size: {x.shape} and {y.shape}")
     if min(x.shape[:2]) < SSIM_WINDOW:
         raise ValueError(f"SSIM needs images of at least {SSIM_WINDOW} pixels a side, not {x.shape[1]}x{x.shape[0]}")
-    _, full = structural_similarity(  # type: ignore[no-untyped-call]
-        x, y, data_range=1.0, channel_axis=2, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, full=True
-    )
-    similarity: NDArray[np.float64] = full.mean(axis=2)
+    similarity: NDArray[np.float64] = np.mean([_ssim_of_channel(x[..., k], y[..., k]) for k in range(3)], axis=0)
     return similarity
+
+
+def _ssim_of_channel(x: Float64, y: Float64) -> Float64:
+    """(H, W) of two channels (H, W), equation 13 of the paper."""
+
+    def local_mean(plane: Float64) -> Float64:
+        return gaussian_filter(plane, SSIM_SIGMA, radius=SSIM_WINDOW // 2)
+
+    mean_x, mean_y = local_mean(x), local_mean(y)
+    variances = local_mean(x * x) - mean_x**2 + local_mean(y * y) - mean_y**2
+    covariance = local_mean(x * y) - mean_x * mean_y
+    first, second = SSIM_SOFT
+    luminance = (2 * mean_x * mean_y + first) / (mean_x**2 + mean_y**2 + first)
+    return np.asarray(luminance * (2 * covariance + second) / (variances + second))
 
 
 def ssim(a: Image, b: Image, mask: Mask | None = None) -> float:

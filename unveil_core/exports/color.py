@@ -1,4 +1,5 @@
-"""The colours that exported files have: names, and linear light, of Rec. 709 or of a studio's configuration of OpenColorIO."""
+"""The colours that exported files have: names, and linear light, in the footage's own primaries or of a studio's configuration of
+OpenColorIO."""
 
 from __future__ import annotations
 
@@ -11,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.srgb import linear_of_srgb
-from unveil_core.base.types import Float32
+from unveil_core.base.pictures.colours import SRGB as SRGB_COLOURS
+from unveil_core.base.pictures.colours import Colours, to_xyz
+from unveil_core.base.srgb import srgb_of_linear
+from unveil_core.base.types import Float32, Float64
 
-__all__ = ["LINEAR", "REC709", "SRGB", "LinearLight", "linear_light"]
+__all__ = ["LINEAR", "REC709", "SRGB", "LinearLight", "in_rec709", "linear_light"]
 
-LINEAR, SRGB = "lin_rec709_scene", "srgb_rec709_display"
+LINEAR, SRGB = SRGB_COLOURS.linear, SRGB_COLOURS.encoded
 """Names of the Color Interop Forum, which OpenEXR, OpenColorIO and glTF use: linear light with the primaries of Rec. 709, and the
 encoding of pictures on disk."""
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -30,6 +33,8 @@ OF_PICTURES = (
     "texture_paint",
 )
 """Names under which configurations have the encoding of photographs, those of the ACES configurations first, a role last."""
+OF_LIGHT = ("Linear Rec.709 (sRGB)", "lin_rec709_scene", "lin_rec709", "lin_srgb", "Utility - Linear - sRGB", "Linear")
+"""Names under which they have linear light with the primaries of Rec. 709."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,38 +42,53 @@ class LinearLight:
     """The linear colours that plates are written in.
 
     Attributes:
-        name: of the colour space; interop_id: by the Color Interop Forum, "" if it has none.
-        chromaticities: of its primaries and white, None if the configuration does not tell.
-        configuration: of OpenColorIO, as ``$OCIO`` names it; None without one.
-        processor: of OpenColorIO; None for Rec. 709 by the formula of sRGB.
+        configuration: of OpenColorIO, as ``$OCIO`` names it; None: each picture keeps its own primaries.
+        name: of the configuration's space; interop_id: by the Color Interop Forum, "" if it has none.
+        from_srgb: processor of OpenColorIO from sRGB pictures to the space; from_light: from linear Rec. 709, None if the
+            configuration has no such space.
     """
 
-    name: str = LINEAR
-    interop_id: str = LINEAR
-    chromaticities: tuple[float, ...] | None = REC709
     configuration: str | None = None
-    processor: Any = None
+    name: str = ""
+    interop_id: str = ""
+    from_srgb: Any = None
+    from_light: Any = None
 
-    def of(self, srgb: NDArray[np.floating]) -> Float32:
-        """(H, W, 3) float32 of a picture (H, W, 3) in [0, 1]."""
-        if self.processor is None:
-            return linear_of_srgb(srgb).astype(np.float32)
-        pixels = np.ascontiguousarray(srgb, dtype=np.float32)
-        self.processor.applyRGB(pixels)
+    def of(self, picture: NDArray[np.floating], colours: Colours = SRGB_COLOURS) -> Float32:
+        """(H, W, 3) float32 of a picture (H, W, 3) in [0, 1] that has these colours.
+
+        Raises:
+            SettingsError: the configuration has no space that its light could be brought to.
+        """
+        if self.configuration is None:
+            return colours.light(picture).astype(np.float32)
+        plain = colours.is_srgb or not colours.is_known
+        if not plain and self.from_light is None:
+            problem = f"has no linear light of Rec. 709, by which footage of {colours.name} is brought to it"
+            raise SettingsError(problem, path=self.configuration, mend="unset OCIO for the footage's own primaries")
+        pixels = np.ascontiguousarray(picture if plain else _rec709_light(picture, colours), dtype=np.float32)
+        (self.from_srgb if plain else self.from_light).applyRGB(pixels)
         return pixels
 
-    def header(self) -> dict[str, Any]:
-        """Attributes of an OpenEXR file."""
-        found: dict[str, Any] = {"unveil:colorspace": self.name}
-        if self.interop_id:
-            found["colorInteropID"] = self.interop_id
-        if self.chromaticities is not None:
-            found["chromaticities"] = self.chromaticities
+    def name_for(self, colours: Colours) -> str:
+        """What the light of a picture of these colours is called."""
+        if self.configuration is not None:
+            return self.name
+        return colours.linear or f"linear {colours.name}"
+
+    def header(self, colours: Colours = SRGB_COLOURS) -> dict[str, Any]:
+        """Attributes of an OpenEXR file of such a picture."""
+        found: dict[str, Any] = {"unveil:colorspace": self.name_for(colours)}
+        own = self.configuration is None
+        if identity := (colours.linear if own else self.interop_id):
+            found["colorInteropID"] = identity
+        if own and colours.chromaticities is not None:
+            found["chromaticities"] = colours.chromaticities
         return found
 
 
 def linear_light() -> LinearLight:
-    """The colours of ``$OCIO``'s role ``scene_linear`` where it is set, else linear Rec. 709.
+    """The colours of ``$OCIO``'s role ``scene_linear`` where it is set, else linear light in the footage's own primaries.
 
     Raises:
         SettingsError: OpenColorIO is not installed, or its configuration cannot be read or lacks what is needed.
@@ -83,14 +103,34 @@ def linear_light() -> LinearLight:
 
     try:
         config = ocio.Config.CreateFromFile(named)
-        source = next((name for name in OF_PICTURES if config.getColorSpace(name) is not None), None)
+        source, light = (
+            next((name for name in names if config.getColorSpace(name) is not None), None)
+            for names in (OF_PICTURES, OF_LIGHT)
+        )
         target = config.getColorSpace("scene_linear")
         if source is None or target is None:
             lacks = "role scene_linear" if target is None else "encoding of sRGB pictures"
             raise SettingsError(f"has no {lacks}", path=named, mend="unset OCIO for linear Rec. 709")
-        processor = config.getProcessor(source, target.getName()).getDefaultCPUProcessor()
+        processors = [
+            None if name is None else config.getProcessor(name, target.getName()).getDefaultCPUProcessor()
+            for name in (source, light)
+        ]
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
         problem = f"is no configuration of OpenColorIO: {error}"
         raise SettingsError(problem, path=named, mend="mend OCIO, or unset it for linear Rec. 709") from error
     interop = target.getInteropID() if hasattr(target, "getInteropID") else ""
-    return LinearLight(target.getName(), interop, None, named, processor)
+    return LinearLight(named, target.getName(), interop, *processors)
+
+
+def in_rec709(picture: NDArray[np.floating], colours: Colours) -> Float64:
+    """(H, W, 3) a picture in [0, 1] of some colours in those of sRGB; what these have not is cut off at their border."""
+    if colours.is_srgb or not colours.is_known:
+        return np.asarray(picture, dtype=np.float64)
+    return srgb_of_linear(np.clip(_rec709_light(picture, colours), 0, 1))
+
+
+def _rec709_light(picture: NDArray[np.floating], colours: Colours) -> Float64:
+    """(H, W, 3) light of a picture in the primaries of Rec. 709; below 0 and beyond 1 where they do not reach."""
+    assert colours.chromaticities is not None
+    turn = np.linalg.solve(to_xyz(REC709), to_xyz(colours.chromaticities))
+    return np.asarray(colours.light(picture) @ turn.T)

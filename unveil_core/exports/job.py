@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,11 +12,14 @@ import numpy as np
 
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import read_own_json
-from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.pictures.colours import Colours
+from unveil_core.base.progress import Progress, no_notice, no_progress
 from unveil_core.base.types import Labels
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.importing.colours import colours_of_footage, looked_at
+from unveil_core.exports.mapping.epsg import wkt_of
 from unveil_core.mesh import Mesh, decimate, read_ply
 from unveil_core.semantics.classes import VOID
 from unveil_core.semantics.instances import Box
@@ -46,7 +50,11 @@ class Job:
         levels: of detail of a textured mesh, besides the finest.
         texture_px: side of a page of its texture.
         start_frame: number of the first frame of each track.
-        progress: called by long formats.
+        spz_version: of an SPZ file.
+        epsg: codes of the coordinate system that the drive's coordinates are of, see :mod:`unveil_core.exports.mapping.epsg`; ""
+            where nobody tells.
+        undistorted: whether cameras and pictures for other programs are pinhole, their lens taken out.
+        progress: called by long formats; notice: with what a user should know of what was written, one line each.
         made: what formats of one kind have in common, by the kind: made by the first of them.
     """
 
@@ -56,7 +64,11 @@ class Job:
     levels: int = 0
     texture_px: int = TEXTURE_PX
     start_frame: int = START_FRAME
+    spz_version: int = 3
+    epsg: str = ""
+    undistorted: bool = False
     progress: Progress = field(default=no_progress)
+    notice: Callable[[str], None] = field(default=no_notice)
     made: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -68,6 +80,19 @@ class Job:
     def exposures(self) -> Exposures:
         """Of each frame of the drive."""
         return read_exposures(self.workspace.exposure_json)
+
+    def colours(self, frame: Frame) -> Colours:
+        """Of the footage that a frame is delivered as."""
+        known: dict[Path, Colours] = self.made.setdefault("colours", {})
+        if frame.image_path not in known:
+            known[frame.image_path] = colours_of_footage(frame)
+        return known[frame.image_path]
+
+    @cached_property
+    def colorspace(self) -> str:
+        """Name of the footage's colours, by the Color Interop Forum where it has one; the names of all where there are several."""
+        found = {c.encoded or c.name: None for c in map(self.colours, looked_at(self.drive.frames))}
+        return ", ".join(found)
 
     @cached_property
     def scene(self) -> Surfels:
@@ -121,6 +146,15 @@ class Job:
         known = surfels.labels.numpy()
         found: Labels = ids[np.where((known < 0) | (known >= len(ids) - 1), len(ids) - 1, known)]
         return found
+
+    @cached_property
+    def coordinate_system(self) -> str | None:
+        """The system of the drive's coordinates as WKT 1, None where nobody tells.
+
+        Raises:
+            SettingsError: see :func:`unveil_core.exports.mapping.epsg.wkt_of`.
+        """
+        return wkt_of(self.epsg, self.drive)
 
     @cached_property
     def objects(self) -> list[dict[str, Any]]:

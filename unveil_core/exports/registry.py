@@ -14,6 +14,7 @@ from unveil_core.base.files import full_disk
 from unveil_core.exports.cameras.chan import write_chan
 from unveil_core.exports.cameras.colmap import write_colmap
 from unveil_core.exports.cameras.nerfstudio import write_nerfstudio
+from unveil_core.exports.color import SRGB
 from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.las import write_las
 from unveil_core.exports.mapping.objects import write_objects
@@ -34,6 +35,23 @@ from unveil_core.exports.whole import check_free, whole_file, whole_folder
 
 __all__ = ["FORMATS", "ExportFormat", "export", "formats_named", "place_of"]
 
+WITHOUT_PROFILE = frozenset(
+    (
+        "splat-ply",
+        "spz",
+        "splat-gltf",
+        "usd-splats",
+        "usd-points",
+        "ply",
+        "obj",
+        "glb",
+        "usd",
+        "textured-glb",
+        "textured-obj",
+    )
+    + ("textured-usd", "las", "laz", "objects-json")
+)
+"""Formats whose colours every reader takes for sRGB."""
 EXTRA = "exports"
 """The extra of the package that installs the optional libraries."""
 
@@ -80,17 +98,16 @@ FORMATS: dict[str, ExportFormat] = {
             "the scene as 3D Gaussian Splatting PLY, with label and instance",
             "{state}_splats.ply",
             write_splat_ply,
-            "plyfile; Unveil, which renders the same",
+            "readers by the rules of Unity's importer, SuperSplat and 3DGS; gsply; Unveil, which renders the same",
             "the sky; coordinates are single precision, less a shift far from the origin",
-            "plyfile",
             needs=("scene",),
         ),
         ExportFormat(
             "spz",
-            "the scene as SPZ 3",
+            "the scene as SPZ 3, or 2 or 4 with --spz",
             "{state}_splats.spz",
             write_spz,
-            "gsply; a reader by the format's description",
+            "gsply; readers by the format's description",
             "the sky, labels, objects; quantized (see below)",
             needs=("scene",),
         ),
@@ -205,8 +222,8 @@ FORMATS: dict[str, ExportFormat] = {
             "cameras with lens and time, clean frames and points: transforms.json",
             "nerfstudio",
             write_nerfstudio,
-            "Unveil's own import: the same cameras and pixels",
-            "masks, labels, objects; nerfstudio itself does not know FULL_OPENCV lenses",
+            "Unveil's own import: the same cameras and pixels; a reader by nerfstudio's rules, its own parser where installed",
+            "masks, labels, objects; lenses that nerfstudio does not know, see below",
             both_states=False,
         ),
         ExportFormat(
@@ -214,7 +231,7 @@ FORMATS: dict[str, ExportFormat] = {
             "cameras with lens, clean frames and points: a COLMAP text model",
             "colmap",
             write_colmap,
-            "pycolmap",
+            "pycolmap; a reader by the rules of 3D Gaussian Splatting",
             "time stamps, tracks of points; OPENCV lenses with k3 become FULL_OPENCV",
             both_states=False,
         ),
@@ -232,10 +249,11 @@ FORMATS: dict[str, ExportFormat] = {
             "the points of the street as LAS 1.4, with classes",
             "{state}_points.las",
             write_las,
-            "laspy; a reader by the standard's tables",
-            "coordinates finer than a millimetre; no EPSG code is known",
+            "laspy; a reader by the standard's tables, with PDAL's rules",
+            "coordinates finer than a millimetre; the coordinate system, unless --epsg tells it",
             "laspy",
             modules=("laspy",),
+            needs=("coordinate_system",),
         ),
         ExportFormat(
             "laz",
@@ -246,13 +264,14 @@ FORMATS: dict[str, ExportFormat] = {
             "likewise",
             "laspy with lazrs",
             modules=("lazrs",),
+            needs=("coordinate_system",),
         ),
         ExportFormat(
             "objects-json",
             "the removed objects: a list with boxes and frames, and the splats of each",
             "objects",
             write_objects,
-            "plyfile",
+            "the same readers",
             "pixels of the objects",
             both_states=False,
         ),
@@ -359,6 +378,9 @@ def export(job: Job, places: Sequence[tuple[ExportFormat, Path]], *, replace: bo
         for part in one.needs:
             getattr(job, part)
     shared = rights_of(job.workspace.drive_dir / name for name in ("images", "footage"))
+    without = [one.name for one, _ in places if one.name in WITHOUT_PROFILE]
+    if without and job.colorspace != SRGB:
+        job.notice(f"{', '.join(without)}: the colours are the footage's ({job.colorspace}); these files cannot say so")
     for one, path in places:
         try:
             with whole_file(path, receipts.check, receipts.note) if one.suffix else whole_folder(path) as made:

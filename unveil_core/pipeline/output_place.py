@@ -25,6 +25,9 @@ DEEPEST = 3
 MOST_FOLDERS = 1000
 """Folders that are looked into for them, at most: a quarter of a second."""
 MEND = "name a folder beside it with -o"
+AROUND, MODELS = "colmap", ("sparse", "images.txt", "images.bin")
+"""A COLMAP model is looked for in a folder of this name, too: one that was exported makes no drive of the folder around it, unless
+that has a model of its own in one of these places."""
 OF_STAGES = {Path(name).parts[0] for stage in STAGES for name in stage.outputs}
 """Folders and files of a workspace that stages write: what lies there is taken away when they run again."""
 
@@ -100,7 +103,11 @@ def _check_not_within(target: Path, output: Path, drives: Iterable[Path]) -> Non
 
 def _is_drive(folder: Path) -> bool:
     """Whether a folder is somebody's drive, or a workspace's: not what this program rendered or exported in such a layout."""
-    return drive_at(folder) is not None and record_of(folder / RECORD) is None and record_of(folder / EXPORTED) is None
+    kind = drive_at(folder)
+    if kind is None or record_of(folder / RECORD) is not None or record_of(folder / EXPORTED) is not None:
+        return False
+    made = record_of(folder / AROUND / EXPORTED) is not None
+    return not (kind.name == "COLMAP" and made and not any((folder / name).exists() for name in MODELS))
 
 
 def _drive_in(folder: Path) -> Path | None:
@@ -114,7 +121,7 @@ def _drive_in(folder: Path) -> Path | None:
                 below, left = place / name, left - 1
                 if left < 0:
                     return None
-                if is_workspace(below) or record_of(below / RECORD) is not None:
+                if is_workspace(below) or any(record_of(below / name) is not None for name in (RECORD, EXPORTED)):
                     continue
                 if _is_drive(below):
                     return below

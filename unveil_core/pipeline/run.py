@@ -12,6 +12,7 @@ from unveil_core.base.kernels.device import check_device
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
+from unveil_core.drives.importing.colours import colour_notices
 from unveil_core.drives.marked import marked_objects
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.drives.selecting import named_frames
@@ -82,7 +83,7 @@ def run(
     placed = place_drive(opened, scale=settings.scale, up=settings.up)
     level = "warning" if placed.surprising else "notice"
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
-    notices += [Notice("import", line, "warning") for line in opened.notices]
+    notices += [Notice("import", line, "warning") for line in (*opened.notices, *colour_notices(opened.frames))]
     if labels == "nothing" and settings.marked is None:
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))
     space = Workspace.create(workspace)

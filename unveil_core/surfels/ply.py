@@ -1,4 +1,5 @@
-"""Surfels as PLY: the attribute names of 3D Gaussian Splatting files plus a label, so that other splat viewers open them.
+"""Surfels as PLY: the attribute names of 3D Gaussian Splatting files plus a label, so that other splat viewers open them. All
+attributes are floats, the label, too.
 
 A disc has no third scale; viewers want one, so ``scale_2`` is a thin constant, and reading ignores it. It is real, and
 read, where the header has the comment ``splats ellipsoids``. ``f_rest`` is stored channel-major as the field does: all
@@ -14,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from plyfile import PlyData, PlyElement
+from torch import Tensor
 
-from unveil_core.base.checks.ply_headers import UNREADABLE, read_ply
 from unveil_core.base.errors import UnveilError
-from unveil_core.base.files import write_atomic
+from unveil_core.base.ply.reading import UNREADABLE, read_vertices
+from unveil_core.base.ply.writing import write_vertices
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.surfels.surfels import Surfels
 
@@ -71,36 +72,36 @@ def write_surfels(
         path: the file.
         to_world: of the drive, noted in comments; the coordinates stay local, as float32 needs.
         comments: lines for the header, such as the label names.
-        more: integers (N,) by the name of their attribute, to follow the label.
+        more: whole numbers (N,) below 2^24 by the name of their attribute, to follow the label.
         thin: times the thin third scale, for coordinates that are not metres.
     """
     s = surfels.detach()
     count, coefficients = len(s), s.sh.shape[1]
     rest = 3 * (coefficients - 1)
-    whole_numbers = ("label", *(more or {}))
-    table = np.empty(count, dtype=[*((n, "<f4") for n in _names(rest)), *((n, "<i4") for n in whole_numbers)])
-    columns = {
-        ("x", "y", "z"): s.means,
-        ("nx", "ny", "nz"): s.normals(),
-        ("f_dc_0", "f_dc_1", "f_dc_2"): s.sh[:, 0],
-        tuple(f"f_rest_{i}" for i in range(rest)): s.sh[:, 1:].transpose(1, 2).reshape(count, rest),
-        ("scale_0", "scale_1", "scale_2")[: s.log_scales.shape[1]]: s.log_scales,
-        ("rot_0", "rot_1", "rot_2", "rot_3"): s.quats,
+    # All are floats: importers of splats that know no integers count no bytes for them, and all that follows is garbage.
+    names = (*_names(rest), "label", *(more or {}))
+    table = np.empty((count, len(names)), "<f4")
+    columns: dict[str, Tensor | NDArray[np.integer] | float] = {
+        "x": s.means,
+        "nx": s.normals(),
+        "f_dc_0": s.sh[:, 0],
+        "f_rest_0": s.sh[:, 1:].transpose(1, 2).reshape(count, rest),
+        "opacity": s.opacity_logits,
+        "scale_2": THIN_LOG_SCALE + math.log(thin),
+        "scale_0": s.log_scales,
+        "rot_0": s.quats,
+        "label": s.labels,
+        **(more or {}),
     }
-    table["scale_2"] = THIN_LOG_SCALE + math.log(thin)
-    for names, values in columns.items():
-        array = values.cpu().numpy()
-        for i, name in enumerate(names):
-            table[name] = array[:, i]
-    table["opacity"] = s.opacity_logits.cpu().numpy()
-    table["label"] = s.labels.cpu().numpy()
-    for name, numbers in (more or {}).items():
-        table[name] = numbers
+    for name, values in columns.items():
+        if name in names:
+            array = np.asarray(values.cpu() if isinstance(values, Tensor) else values)
+            first, width = names.index(name), array.shape[1] if array.ndim == 2 else 1
+            table[:, first : first + width] = array.reshape(-1, width)
     lines = [*comments, ELLIPSOIDS] if s.ellipsoids else list(comments)
     if to_world is not None:
         lines += to_world.comments()
-    data = PlyData([PlyElement.describe(table, "vertex")], text=False, byte_order="<", comments=lines)
-    write_atomic(path, data.write)
+    write_vertices(path, table.view([(name, "<f4") for name in names])[:, 0], lines)
 
 
 def read_surfels(path: Path) -> Surfels:
@@ -111,15 +112,12 @@ def read_surfels(path: Path) -> Surfels:
         UnveilError: the file is missing, is not a PLY, or lacks a 3DGS attribute.
     """
     try:
-        data = read_ply(path)
-        vertex = data["vertex"]
-        if any(kind.hasobject for kind, _ in (vertex.data.dtype.fields or {}).values()):
-            raise ValueError("its vertices hold lists")
+        found = read_vertices(path)
     except UNREADABLE as error:
         raise UnveilError(f"not a readable surfel PLY: {str(error) or type(error).__name__}", path=path) from error
-    present = set(vertex.data.dtype.names or ())
+    present = set(found.names)
     rest = sum(name.startswith("f_rest_") for name in present)
-    scales = ("scale_0", "scale_1", "scale_2")[: 3 if ELLIPSOIDS in data.comments else 2]
+    scales = ("scale_0", "scale_1", "scale_2")[: 3 if ELLIPSOIDS in found.comments else 2]
     unread = {"nx", "ny", "nz", "scale_2"} - set(scales)
     if rest not in (0, 9, 24, 45):
         raise UnveilError(f"has {rest} coefficients f_rest", path=path, mend="degrees 0 to 3 have 0, 9, 24 or 45")
@@ -128,30 +126,30 @@ def read_surfels(path: Path) -> Surfels:
         raise UnveilError(f"lacks the attribute {missing[0]}", path=path, mend="export it with 3DGS attribute names")
 
     def stack(*names: str) -> torch.Tensor:
-        with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused
-            found = np.stack([np.asarray(vertex[n], dtype=np.float32) for n in names], axis=1)
-        if not np.isfinite(found).all():
+        columns = found.columns(names, np.float32)
+        if not np.isfinite(columns).all():  # or too large
             raise UnveilError(
                 f"holds {names[0]} that is not finite", path=path, mend="run the stage that wrote it again"
             )
-        return torch.from_numpy(found)
+        return torch.from_numpy(columns)
 
-    count = len(vertex.data)
+    count = len(found.table)
     sh = stack("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
     if rest:
         higher = stack(*(f"f_rest_{i}" for i in range(rest))).reshape(count, 3, rest // 3).transpose(1, 2)
         sh = torch.cat([sh, higher], dim=1)
     labels = np.zeros(count, dtype=np.int64)
     if "label" in present:
-        labels = np.asarray(vertex["label"])
-        if labels.dtype.kind not in "iu" or (count and not -1 <= int(labels.min()) <= int(labels.max()) < 256):
+        given = found.table["label"]
+        with np.errstate(invalid="ignore"):  # NaN becomes a number that it does not equal
+            labels = given.astype(np.int64)
+        if count and not ((labels == given).all() and -1 <= int(labels.min()) <= int(labels.max()) < 256):
             raise UnveilError("holds a label that is none", path=path, mend="labels are -1 to 255")
-        labels = labels.astype(np.int64)
     return Surfels(
         means=stack("x", "y", "z"),
         quats=stack("rot_0", "rot_1", "rot_2", "rot_3"),
         log_scales=stack(*scales),
         opacity_logits=stack("opacity")[:, 0].clone(),
         sh=sh.contiguous(),
-        labels=torch.from_numpy(labels.copy()),
+        labels=torch.from_numpy(labels),
     )

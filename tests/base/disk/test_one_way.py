@@ -22,15 +22,14 @@ RAW = {
         "shutil.copyfile",
         "zipfile.ZipFile",
         "ZipFile",
-        "PlyData.read",
         "ElementTree.parse",
         "torch.load",
         "jit.load",
     },
 }
-STREAMS = {"np.fromfile", "np.load", "PlyData.read", "zipfile.ZipFile"}
+STREAMS = {"np.fromfile", "np.load", "np.loadtxt", "zipfile.ZipFile"}
 """Also take what is open already, by one of these names."""
-OPEN = {"stream", "file", "packed", "arrow"}
+OPEN = {"stream", "file", "packed", "arrow", "texts"}
 OURS = {"Workspace.open", "gzip.open", "archive.open", "packed.open", "ipc.open_file"}
 """Are called so and open no path: parts of an archive that is open, and our own."""
 ALLOWED = {

@@ -6,9 +6,12 @@ import errno
 import os
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
-from unveil_core.base.output.copies import LINK_VARIABLE, copied, copied_or_linked
+from unveil_core.base.output.copies import LINK_VARIABLE, copied, copied_or_linked, copied_png
+from unveil_core.base.pictures.metadata import Metadata
 
 
 def test_who_writes_in_a_copy_leaves_the_original(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,3 +43,17 @@ def test_hard_links_are_made_where_they_are_chosen_and_can_be(tmp_path: Path, mo
     monkeypatch.setattr(os, "link", refuse)
     copied_or_linked(tmp_path / "original", tmp_path / "b")
     assert (tmp_path / "b").read_bytes() == b"photograph" and (tmp_path / "b").stat().st_nlink == 1
+
+
+def test_a_copy_has_what_another_picture_has_beside_its_pixels(tmp_path: Path) -> None:
+    done, content = cv2.imencode(".png", np.arange(48, dtype=np.uint8).reshape(4, 4, 3))
+    assert done
+    original = tmp_path / "original.png"
+    original.write_bytes(content.tobytes())
+    original.chmod(0o600)
+    metadata = Metadata(chunks=((b"gAMA", bytes(3) + b"\1"),))
+    copied_png(original, tmp_path / "noted.png", metadata)
+    copied_png(original, tmp_path / "plain.png", Metadata())
+    assert (tmp_path / "noted.png").read_bytes() == metadata.in_png(original.read_bytes()) != original.read_bytes()
+    assert (tmp_path / "plain.png").read_bytes() == original.read_bytes()
+    assert {(tmp_path / f"{n}.png").stat().st_mode & 0o777 for n in ("noted", "plain")} == {0o600}

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from plyfile import PlyData
 
 from tests.exports.conftest import Street
 from tests.exports.street import WORLD
+from tests.plain_ply import read_plain_ply
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.semantics.objects import marked_box
 
@@ -23,7 +23,7 @@ def test_each_removed_object_has_its_box_frames_and_splats(street: Street) -> No
     full = job.surfels("full").means.double().numpy()
     for entry in entries:
         own = full[job.full_instances == entry["id"]]
-        vertex = PlyData.read(str(folder / entry["splats"]))["vertex"]
+        vertex = read_plain_ply(folder / entry["splats"])
         shift = json.loads((folder / f"{entry['splats']}.json").read_text())["shift"]
         positions = np.stack([vertex[n] for n in "xyz"], axis=1) + np.array(shift)
         np.testing.assert_allclose(positions, WORLD.to_world(own), atol=1e-5)

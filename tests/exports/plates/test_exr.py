@@ -14,6 +14,7 @@ from scipy.ndimage import map_coordinates
 
 from tests.exports.conftest import Street
 from tests.exports.street import HEIGHT, LARGER, WIDTH, WORLD
+from tests.exports.variants import Entry, variant
 from unveil_core.app.cli import main
 from unveil_core.base.pictures.decoding import read_instance_image
 from unveil_core.base.srgb import linear_of_srgb
@@ -101,3 +102,31 @@ def test_without_instance_images_mattes_come_from_the_scene(street: Street, tmp_
             of_images = file.channels()[name].pixels.astype(np.float32)
             shared = np.minimum(found[name], of_images).sum()
             assert shared > 0.5 * of_images.sum() and shared > 0.5 * found[name].sum(), name
+
+
+@pytest.mark.parametrize("case", ["one camera", "a rig", "an object without pixels"])
+def test_all_frames_have_one_set_of_channels_with_names(case: str, street: Street, tmp_path: Path) -> None:
+    """Programs take the channels of the first frame for all, and a layer that is a number for an index."""
+
+    def edit(number: int, entry: Entry) -> None:
+        if case == "a rig":
+            entry["camera"] = ("front", "rear")[number % 2]
+        for key in ("masks/removed", "provenance", "certainty"):
+            (root / key / entry["camera"]).mkdir(parents=True, exist_ok=True)
+            source = street.root / key / f"front/{entry['name']}.png"
+            shutil.copy(source, root / key / entry["camera"] / source.name)
+
+    root = tmp_path / "workspace"
+    variant(street, root, edit)
+    if case == "an object without pixels":
+        entries = json.loads((root / "instances.json").read_text())
+        (root / "instances.json").write_text(json.dumps([*entries, {**entries[0], "id": 9, "class": "bus"}]))
+    assert main(["export", str(root), "--to", "exr", "-o", str(tmp_path)]) == 0
+    found = set()
+    for path in (tmp_path / "exr").rglob("*.exr"):
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            found.add(frozenset(file.channels()))
+    (channels,) = found
+    assert ("bus_0009.A" in channels) == (case == "an object without pixels")
+    assert {"R", "G", "B", "depth.Z", "provenance.Y", *MATTES} <= channels
+    assert not any(part.isdigit() for name in channels for part in name.split("."))

@@ -14,10 +14,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from unveil_core.base.disk.open_safely import open_file
-from unveil_core.base.files import write_atomic
+from unveil_core.base.disk.open_safely import open_file, read_bytes
+from unveil_core.base.files import write_atomic, write_bytes_atomic
+from unveil_core.base.pictures.metadata import Metadata
 
-__all__ = ["LINK_VARIABLE", "copied", "copied_or_linked"]
+__all__ = ["LINK_VARIABLE", "copied", "copied_or_linked", "copied_png"]
 
 LINK_VARIABLE = "UNVEIL_LINK"
 """Of the environment; set to 1, imported photographs are hard links to the originals: no room is taken, and whoever writes in the
@@ -39,6 +40,18 @@ def copied(source: Path, destination: Path) -> None:
                 shutil.copyfileobj(content, stream, 1 << 20)
 
         write_atomic(destination, put, like=source)
+
+
+def copied_png(source: Path, destination: Path, metadata: Metadata) -> None:
+    """The same of a PNG, with what another picture has beside its pixels in it.
+
+    Raises:
+        OSError: see :func:`copied`.
+    """
+    if metadata:
+        write_bytes_atomic(destination, metadata.in_png(read_bytes(source)), like=source)
+    else:
+        copied(source, destination)
 
 
 def copied_or_linked(source: Path, destination: Path) -> None:

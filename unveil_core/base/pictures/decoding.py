@@ -20,6 +20,7 @@ from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import is_out_of_memory
 from unveil_core.base.pictures.headers import OTHERS, Header, format_of, header_of
+from unveil_core.base.pictures.metadata import Metadata, metadata_of
 
 __all__ = [
     "decode_image",
@@ -28,6 +29,7 @@ __all__ = [
     "read_image_as_it_is",
     "read_instance_image",
     "read_label_image",
+    "read_metadata",
     "read_unchanged",
     "size_of_image",
 ]
@@ -165,6 +167,15 @@ def read_unchanged(path: Path) -> NDArray[np.generic]:
         DriveError: missing, unreadable or cut short.
     """
     return _decode(_content_of(path), path, cv2.IMREAD_UNCHANGED)
+
+
+def read_metadata(path: Path) -> Metadata:
+    """What the file of a picture holds beside its pixels.
+
+    Raises:
+        DriveError: missing, or cannot be read.
+    """
+    return metadata_of(_content_of(path))
 
 
 def read_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:

@@ -26,6 +26,7 @@ from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.drives.formats.nerfstudio.lens import crop_notice, read_lens
 from unveil_core.drives.formats.nerfstudio.points import read_named_points
 from unveil_core.drives.formats.nerfstudio.rig import camera_names, frame_names
+from unveil_core.drives.formats.nerfstudio.shift import shift_told
 from unveil_core.geometry.transforms import nearest_rotation
 
 __all__ = ["pose_from_matrix", "read_transforms_json"]
@@ -159,6 +160,8 @@ def read_transforms_json(path: Path) -> Drive:
 
     Up: ``up`` as Instant-NGP writes it, a direction; else it is unknown here.
 
+    Place: ``shift``, three numbers, is what the file leaves out of its coordinates.
+
     Points: of the PLY that the file names; else of its depth images, as sweeps; else of a COLMAP model beside it.
 
     Args:
@@ -205,6 +208,7 @@ def read_transforms_json(path: Path) -> Drive:
         root=path,
         frames=tuple(frames),
         points=points,
+        to_world=shift_told(keys),
         units_per_metre=units_per_metre,
         scale_source=scale_source,
         up=up,

@@ -27,7 +27,7 @@ __all__ = ["nuke_angles", "write_chan"]
 def write_chan(job: Job, folder: Path) -> None:
     """``<camera>.chan`` for each camera, and ``export.json``."""
     frame = y_up(job.drive)
-    cameras = delivered_cameras(job, frame, shifted=True)
+    cameras = delivered_cameras(job, frame)
     told: dict[str, Any] = {}
     for track in tracks(job.drive):
         own = [cameras[i] for i in track]

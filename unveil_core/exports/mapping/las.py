@@ -1,4 +1,5 @@
-"""The points as LAS 1.4 or LAZ (ASPRS), by ``laspy``: point format 7 with colours, 6 without.
+"""The points as LAS 1.4 or LAZ (ASPRS), by ``laspy``: point format 7 with colours, 6 without. These formats ask for the bit that
+says that a coordinate system, if there is one, is text (WKT); readers refuse a file without it.
 
 Classification codes are those of ASPRS where it has one for a class, else 64 + the Cityscapes trainId, in the range that is free
 for users; extra bytes ``train_id`` and ``object_id`` keep both. Coordinates are the drive's own, as whole steps of a millimetre
@@ -39,6 +40,10 @@ def write_las(job: Job, path: Path) -> None:
         ]
     )
     header.generating_software = "unveil"
+    header.global_encoding.wkt = True
+    header.global_encoding.synthetic_return_numbers = True
+    if job.coordinate_system is not None:
+        header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(job.coordinate_system))
     header.offsets = np.floor(world.min(axis=0)) if len(world) else np.zeros(3)
     header.scales = np.full(3, STEP_M * job.drive.to_world.scale)
     las = laspy.LasData(header)

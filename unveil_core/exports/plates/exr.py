@@ -3,7 +3,7 @@
 =========================== ========================================================================= ==================
 channels                    what                                                                      values
 =========================== ========================================================================= ==================
-R G B                       the clean frame, linear: Rec. 709, or ``$OCIO``'s ``scene_linear``         half
+R G B                       the clean frame, linear: own primaries, or ``$OCIO``'s ``scene_linear``    half
 removed.A                   what was removed, with its antialiased border                             half, 0 to 1
 <class>_<id>.A              matte of a removed object, as ``car_0005.A``                              half, 0 to 1
 provenance.Y                0 original, 1 relit, 2 seen elsewhere, 3 continued, 4 invented            half, whole numbers
@@ -13,7 +13,8 @@ normal.X Y Z                of the empty street in the camera's axes: x right, y
 =========================== ========================================================================= ==================
 
 All are of the size and lens of the footage. 8-bit sRGB comes back exactly from half precision; of 16 bits the lowest are rounded.
-The header names the colour space (``unveil:colorspace``, ``colorInteropID``) and has the chromaticities of Rec. 709.
+The header names the colour space (``unveil:colorspace``, ``colorInteropID``), has the chromaticities of the footage, and what its
+camera noted: make, model, lens, exposure, time and place.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.pictures.decoding import read_image_as_it_is, read_label_image
+from unveil_core.base.pictures.decoding import read_image_as_it_is, read_label_image, read_metadata
+from unveil_core.base.pictures.exif import exif_facts
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Frame
@@ -64,7 +66,8 @@ def write_exr(job: Job, folder: Path) -> None:
         header: dict[str, Any] = {
             "compression": OpenEXR.ZIP_COMPRESSION,
             "type": OpenEXR.scanlineimage,
-            **light.header(),
+            **light.header(job.colours(frame)),
+            **_noted(frame),
             "unveil:source": f"{frame.camera_name}/{frame.name}",
         }
         if frame.timestamp is not None:
@@ -75,7 +78,11 @@ def write_exr(job: Job, folder: Path) -> None:
             file.write(str(path))
         job.progress(done + 1, len(frames), "writing plates")
     layers = [object_name(entry) for entry in removed]
-    told = {"colorspace": light.name, "mattes": layers, "cameras": told_frames(job)}
+    spaces = dict.fromkeys(light.name_for(c) for c in map(job.colours, frames))
+    unread = dict.fromkeys(c.name for c in map(job.colours, frames) if not c.is_known)
+    if unread:
+        job.notice(f"exr: how {', '.join(unread)} encodes light is not known: it was taken for sRGB")
+    told = {"colorspace": ", ".join(spaces), "mattes": layers, "cameras": told_frames(job)}
     if light.configuration is not None:
         told["opencolorio"] = light.configuration
     tell(folder, "exr", told)
@@ -86,11 +93,33 @@ def _color(job: Job, frame: Frame, light: LinearLight) -> Layers:
     picture = read_image_as_it_is(job.delivered(frame))
     picture = picture[..., None].repeat(3, axis=2) if picture.ndim == 2 else picture
     share = picture.astype(np.float64) / np.iinfo(picture.dtype).max
-    linear = light.of(share[..., :3]).astype(np.float16)
+    linear = light.of(share[..., :3], job.colours(frame)).astype(np.float16)
     found: Layers = {name: linear[..., k] for k, name in enumerate("RGB")}
     if picture.shape[2] == 4:
         found["A"] = share[..., 3].astype(np.float16)
     return found
+
+
+def _noted(frame: Frame) -> dict[str, Any]:
+    """What the camera noted, as OpenEXR's standard attributes."""
+    facts = exif_facts(read_metadata(frame.image_path if frame.footage is None else frame.footage.path).exif)
+    offset = facts.utc_offset_s
+    known = {
+        "cameraMake": facts.make,
+        "cameraModel": facts.model,
+        "lensMake": facts.lens_make,
+        "lensModel": facts.lens,
+        "nominalFocalLength": facts.focal_mm,
+        "expTime": facts.exposure_s,
+        "aperture": facts.f_number,
+        "isoSpeed": facts.iso,
+        "capDate": facts.taken,
+        "utcOffset": None if offset is None else -offset,  # OpenEXR's is what has to be added to get UTC
+        "latitude": facts.latitude,
+        "longitude": facts.longitude,
+        "altitude": facts.altitude_m,
+    }
+    return {name: value for name, value in known.items() if value is not None}
 
 
 def _told_pixels(job: Job, frame: Frame) -> Layers:

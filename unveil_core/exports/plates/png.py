@@ -1,7 +1,7 @@
 """The clean frames as a PNG sequence: ``<camera>/<camera>.1001.png``, the numbers after a dot and of one width.
 
-Files are copied, so depth, channels and untouched pixels are those of the footage, bit for bit; colours are the footage's own
-encoding, sRGB where nothing else is known.
+Files are copied, so depth, channels and untouched pixels are those of the footage, bit for bit; colours are the footage's own, and
+the files have its profile and what its camera noted.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import Any
 
 from unveil_core.drives.drive import tracks
 from unveil_core.exports.cameras.footage import copy_frames
-from unveil_core.exports.color import SRGB
 from unveil_core.exports.job import Job
 from unveil_core.exports.whole import camera_file, tell
 
@@ -21,7 +20,7 @@ __all__ = ["numbered", "told_frames", "write_png"]
 def write_png(job: Job, folder: Path) -> None:
     """One file a frame, and ``export.json`` that tells which frame each is."""
     copy_frames(job, folder, numbered(job, "png"))
-    tell(folder, "png", {"colorspace": SRGB, "cameras": told_frames(job)})
+    tell(folder, "png", {"colorspace": job.colorspace, "cameras": told_frames(job)})
 
 
 def numbered(job: Job, suffix: str) -> list[str]:

@@ -42,7 +42,7 @@ def write_splat_gltf(job: Job, path: Path) -> None:
     extension = {"kernel": "ellipse", "colorSpace": SRGB}
     primitive = {"mode": 0, "attributes": attributes, "extensions": {EXTENSION: extension}}
     document: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": "unveil"},
+        "asset": {"version": "2.0", "generator": "unveil", "extras": {"colorspace": job.colorspace}},
         "extensionsUsed": [EXTENSION],
         "scene": 0,
         "scenes": [{"nodes": [0]}],

@@ -26,7 +26,11 @@ def write_textured_glb(job: Job, folder: Path) -> None:
     for level in textured_levels(job):
         write_bytes_atomic(folder / f"{level.name}.glb", _glb(job, level))
         told.append(level.told(f"{level.name}.glb"))
-    tell(folder, "textured-glb", {"coordinates": y_up(job.drive).to_json(shifted=False), "levels": told})
+    tell(
+        folder,
+        "textured-glb",
+        {"coordinates": y_up(job.drive).to_json(shifted=False), "colorspace": job.colorspace, "levels": told},
+    )
 
 
 def _glb(job: Job, level: Level) -> bytes:

@@ -25,7 +25,15 @@ def write_textured_obj(job: Job, folder: Path) -> None:
         write_bytes_atomic(folder / f"{level.name}.mtl", _materials(level).encode())
         write_bytes_atomic(folder / f"{level.name}.obj", _obj(job, level).encode())
         told.append(level.told(f"{level.name}.obj"))
-    tell(folder, "textured-obj", {"coordinates": drive_coordinates(job.drive).to_json(shifted=False), "levels": told})
+    tell(
+        folder,
+        "textured-obj",
+        {
+            "coordinates": drive_coordinates(job.drive).to_json(shifted=False),
+            "colorspace": job.colorspace,
+            "levels": told,
+        },
+    )
 
 
 def _obj(job: Job, level: Level) -> str:

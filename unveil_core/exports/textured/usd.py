@@ -27,7 +27,11 @@ def write_textured_usd(job: Job, folder: Path) -> None:
             _page(stage, level, number)
         stage.GetRootLayer().Save()
         told.append(level.told(f"{level.name}.usdc"))
-    tell(folder, "textured-usd", {"coordinates": z_up(job.drive).to_json(shifted=False), "levels": told})
+    tell(
+        folder,
+        "textured-usd",
+        {"coordinates": z_up(job.drive).to_json(shifted=False), "colorspace": job.colorspace, "levels": told},
+    )
 
 
 def _page(stage: Any, level: Level, number: int) -> None:

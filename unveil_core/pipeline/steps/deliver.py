@@ -1,4 +1,4 @@
-"""Stage ``deliver``: clean frames at the size, lens and bit depth of the footage."""
+"""Stage ``deliver``: clean frames at the size, lens and bit depth of the footage, with its profile and what its camera noted."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
-from unveil_core.base.output.copies import copied
-from unveil_core.base.pictures.decoding import read_image
+from unveil_core.base.output.copies import copied_png
+from unveil_core.base.pictures.decoding import read_image, read_metadata
 from unveil_core.base.types import Mask
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
@@ -54,13 +54,14 @@ def run(context: StageContext) -> None:
         if delivered.is_file():
             pass  # by an attempt that was interrupted
         elif frame.footage is None or given is None:
-            copied(clean, delivered)
+            copied_png(clean, delivered, read_metadata(frame.image_path))
         else:
             removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
             shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame)) & ~removed
             own = CleanFrame(frame.footage, read_image(frame.image_path), read_image(clean), removed, shadows)
             picture = full_size_frame(own, i, given, given.footage(i))
-            write_image_atomic(delivered, picture if corrections is None else corrections.full_size(i, picture))
+            picture = picture if corrections is None else corrections.full_size(i, picture)
+            write_image_atomic(delivered, picture, metadata=read_metadata(frame.footage.path))
         context.progress(len(drive.frames) + i + 1, 2 * len(drive.frames), "delivering")
     for track in tracks(drive):
         first = drive.frames[track[0]]

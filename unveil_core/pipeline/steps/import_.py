@@ -10,6 +10,7 @@ from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, FrameLabels
 from unveil_core.drives.imported import pose_facts
+from unveil_core.drives.importing.colours import colour_notices
 from unveil_core.drives.importing.frames import labels_at_work_size
 from unveil_core.drives.importing.whole_drive import import_drive, write_labels
 from unveil_core.drives.scale_and_up import place_drive
@@ -49,7 +50,12 @@ def run(context: StageContext) -> Facts:
     if labels is not None:
         write_labels(folder, labels, context.progress)
     tested = _poses_assumed(pose_facts(folder))
-    return {**placement.to_json(), "labels": source, "notices": list(drive.notices), **assumed(tested)}
+    return {
+        **placement.to_json(),
+        "labels": source,
+        "notices": [*drive.notices, *colour_notices(imported.frames)],
+        **assumed(tested),
+    }
 
 
 def _poses_assumed(facts: dict[str, Any]) -> list[Assumption]:
