@@ -21,7 +21,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.formats.transforms_json import pose_from_matrix
+from unveil_core.drives.formats.nerfstudio.poses import pose_from_matrix
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
