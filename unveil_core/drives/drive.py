@@ -38,6 +38,8 @@ __all__ = [
 
 LATEST_S = 1e19
 """Time stamps lie within: those in nanoseconds since 1970, too."""
+MOST_EXACT = 10**15
+"""Numbers that double precision tells apart."""
 RATES = 1e-3, 1e4
 """Frames a second that cameras take."""
 
@@ -251,7 +253,7 @@ def instants(frames: Sequence[Frame]) -> NDArray[np.float64]:
         track = [i for i, f in enumerate(frames) if f.camera_name == camera]
         places[track] = np.arange(len(track))
         counted = counting_numbers([frames[i].name for i in track])
-        if counted is not None:
+        if counted is not None and max(counted) < MOST_EXACT:
             numbers[track] = counted
         first.append(numbers[track[0]])
         last.append(numbers[track[-1]] if (np.diff(numbers[track]) > 0).all() else np.nan)

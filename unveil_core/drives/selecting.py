@@ -14,7 +14,7 @@ from unveil_core.base.drive_options import ALL_SWEEPS, KEY_SWEEPS, DriveOptions,
 from unveil_core.base.errors import SettingsError
 from unveil_core.drives.drive import Drive, Frame, Sweep
 
-__all__ = ["named_frames", "select_part"]
+__all__ = ["named_frames", "numbers_of", "select_part"]
 
 
 def select_part(drive: Drive, options: DriveOptions) -> Drive:
@@ -90,7 +90,7 @@ def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ..
     Raises:
         SettingsError: there is no such frame.
     """
-    numbers, places = _numbers_of(frames), _places_of(frames)
+    numbers, places = numbers_of(frames), _places_of(frames)
     counts = all(re.fullmatch(r"\d{1,18}", f.name) for f in frames)
     found: list[int] = []
     for name in names:
@@ -109,8 +109,8 @@ def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ..
     return tuple(dict.fromkeys(found))
 
 
-def _numbers_of(frames: Sequence[Frame]) -> list[int | None]:
-    """The number in each frame's name by which its camera's frames count."""
+def numbers_of(frames: Sequence[Frame]) -> list[int | None]:
+    """The number in each frame's name by which its camera's frames count; None where they count by none."""
     found: list[int | None] = [None] * len(frames)
     for camera in dict.fromkeys(f.camera_name for f in frames):
         own = [i for i, f in enumerate(frames) if f.camera_name == camera]

@@ -9,8 +9,8 @@ __all__ = ["AS_TEXTS", "BY_NUMBERS", "Columns", "columns_of", "counting_numbers"
 
 DIGITS = re.compile(r"([0-9]+)")
 DECIMAL = re.compile(r"([0-9]+\.[0-9]+|[0-9]+)")
-MOST_DIGITS = 15
-"""Of a number that counts frames: double precision has no more."""
+MOST_DIGITS = 18
+"""Of a number that counts frames: 64 bits hold no more."""
 SIGNED = re.compile(r"(?<![0-9])-(?=[0-9])")
 
 BY_NUMBERS, AS_TEXTS = "the numbers in their names", "their names as texts"

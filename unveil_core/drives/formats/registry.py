@@ -204,10 +204,17 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
     drive = in_seconds(with_file_names(drive))
-    by_way = kind.order != "time" and bool(drive.frames)
-    ordered = in_order_of_travel(drive, file_order=kind.order == "file") if by_way else in_order_of_time(drive)
-    part = select_part(ordered, options)
+    part = select_part(_in_order(drive, kind), options)
     return part if options.labels is None else with_label_folder(part, Path(options.labels))
+
+
+def _in_order(drive: Drive, kind: Format) -> Drive:
+    """The frames in the order of travel."""
+    if kind.order == "time":
+        return in_order_of_time(drive)
+    by_file = kind.order == "file"
+    decides = "timestamp" if by_file else "a transforms.json with timestamp"
+    return in_order_of_travel(drive, file_order=by_file, decides=decides)
 
 
 def _scene(kind: Format, path: Path, scenes: list[str], wanted: str | None) -> str:

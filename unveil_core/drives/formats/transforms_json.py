@@ -78,7 +78,8 @@ def _points_beside(root: Path) -> str:
     """What to do about points that are not named, by what lies beside the file."""
     held = sorted((p.name for p in root.iterdir() if p.suffix.lower() == ".ply"), key=natural_key)
     if held:
-        return f'{held[0]} lies beside it: add "ply_file_path": "{held[0]}" if its points are measured or of SfM'
+        named = f'set "ply_file_path": "{held[0]}" if its points are measured or of SfM'
+        return f"{held[0]} lies beside it: {named}, or give depth images"
     return "set ply_file_path to a PLY of LiDAR or SfM points, or give depth images"
 
 

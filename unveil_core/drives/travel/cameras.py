@@ -8,6 +8,7 @@ are put together.
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -107,6 +108,8 @@ def guessed_cameras(shots: Sequence[Shot], decides: str) -> Guess:
             return Guess(names, _told_rig(grouping, names, related, decides))
         if len(set(grouping.labels)) > 1 and grouping.kind in ("folders", "lenses"):
             one_of = one_of or grouping
+    if one_of is None and 1 < len({s.focal for s in shots}) <= MOST_CAMERAS:
+        one_of = _Grouping("lenses", [repr(s.focal) for s in shots], [])
     return Guess([ALONE] * len(shots), None if one_of is None else _told_one(one_of, shots, decides))
 
 
@@ -141,7 +144,9 @@ def _by_names(names: Sequence[str]) -> Iterator[_Grouping]:
     columns = columns_of(names)
     if columns is None:
         return
-    for k in range(1, len(columns[0]), 2):
+    # Cameras are fewer than moments.
+    numbers = sorted(range(1, len(columns[0]), 2), key=lambda k: len({c[k] for c in columns}))
+    for k in numbers:
         labels = [c[k] for c in columns]
         if _are_cameras(labels):
             yield _Grouping("names", labels, ["".join(p for i, p in enumerate(c) if i != k) for c in columns])
@@ -188,7 +193,9 @@ def _sets(grouping: _Grouping, shots: Sequence[Shot], poses: Float64) -> tuple[l
     related: dict[tuple[str, str], str] = {}
     for i, a in enumerate(labels):
         for b in labels[i + 1 :]:
-            related[a, b] = related[b, a] = relation(groups[a], groups[b], timed=timed, clear=grouping.kind == "turns")
+            related[a, b] = related[b, a] = relation(
+                groups[a], groups[b], timed=timed, clear=grouping.kind == "turns", zooms=grouping.kind == "lenses"
+            )
         if grouping.kind == "turns" and any(related[a, b] != RIG for b in labels if b != a):
             return [labels], False
     sets = [[label] for label in labels]
@@ -245,7 +252,9 @@ def _names(grouping: _Grouping, sets: Sequence[Sequence[str]], shots: Sequence[S
         if len(set(of_set)) < len(of_set):
             of_set = [file_name(own[0].removeprefix(shared).strip("/"), ALONE) for own in sets]
     elif grouping.kind == "names":
-        of_set = [file_name(own[0].replace("#", " ").strip(" _-./"), "") for own in sets]
+        words = [[w for w in re.split(r"[\W_]+", own[0]) if w] for own in sets]
+        common = set.intersection(*map(set, words))
+        of_set = [file_name("_".join(w for w in own if w not in common), "") for own in words]
         if "" in of_set or len(set(of_set)) < len(of_set):
             of_set = [f"{ALONE}_{k}" for k in range(1, len(sets) + 1)]
         of_set = [f"{ALONE}_{name}" if name.isdigit() else name for name in of_set]

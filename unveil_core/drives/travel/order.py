@@ -6,8 +6,10 @@ What the file says, what the names say, and the way itself are compared; a way i
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -50,16 +52,17 @@ def in_order_of_time(drive: Drive) -> Drive:
     return _ordered(drive, _by_time)
 
 
-def in_order_of_travel(drive: Drive, *, file_order: bool) -> Drive:
+def in_order_of_travel(drive: Drive, *, file_order: bool, decides: str) -> Drive:
     """The same for a drive whose files may have any order: where time stamps are missing, or the way contradicts them, each
     camera's frames are in the order that makes a way.
 
     Args:
         file_order: whether the file means the order in which the reader gave the frames, which then stays unless another one is
             better; else names come first.
+        decides: what a user may give instead, for notices.
     """
     least = STANDS_M * drive.units_per_metre if drive.units_per_metre is not None else 0.0
-    return _ordered(drive, lambda track: _by_way(track, file_order, least))
+    return _ordered(drive, lambda track: _by_way(track, file_order, least, decides))
 
 
 def _ordered(drive: Drive, decide: Callable[[list[Frame]], Decision]) -> Drive:
@@ -82,7 +85,7 @@ def _by_time(track: list[Frame]) -> Decision:
     return by_time, "time stamps are not in the order of the frames; frames are taken by time"
 
 
-def _by_way(track: list[Frame], file_order: bool, least_extent: float) -> Decision:
+def _by_way(track: list[Frame], file_order: bool, least_extent: float, decides: str) -> Decision:
     centres = np.stack([f.camera.centre for f in track])
     if len(track) < FEWEST or not np.isfinite(centres).all():
         by = _orders(track, centres, file_order)[0].indices
@@ -100,7 +103,7 @@ def _by_way(track: list[Frame], file_order: bool, least_extent: float) -> Decisi
         found = straight or best
         if found.way.length >= MUCH_SHORTER * way.length:
             frames, _ = _by_time(track)
-            return frames, _no_way("their time stamps", way)
+            return frames, _no_way("their time stamps", way, decides)
         told = f"time stamps do not follow the way and are not used: frames are taken in the order of {found.by}"
         return [replace(track[i], timestamp=None) for i in found.indices], told
     if best.way.zigzags and not stands:
@@ -108,20 +111,32 @@ def _by_way(track: list[Frame], file_order: bool, least_extent: float) -> Decisi
         if straight is not None and straight.way.length < MUCH_SHORTER * best.way.length:
             told = (
                 f"frames are taken as they lie along the way: in the order of {best.by} it is {_times(best, straight)} times as "
-                "long, to and fro; timestamp decides"
+                f"long, to and fro; {decides} decides"
             )
             return _untimed([track[i] for i in straight.indices], stamps, told)
-        return _untimed([track[i] for i in best.indices], stamps, _no_way(best.by, best.way))
-    return _untimed([track[i] for i in best.indices], stamps, _told(best, orders))
+        return _untimed([track[i] for i in best.indices], stamps, _no_way(best.by, best.way, decides))
+    return _untimed([track[i] for i in best.indices], stamps, _told(best, orders, decides))
 
 
 def _orders(track: Sequence[Frame], centres: Float64, file_order: bool) -> list[Order]:
     """What the file and the names say, the likelier first. Of pictures in several folders the folders count, too."""
-    paths = name_orders([f.image_path.with_suffix("").as_posix() for f in track])
-    stems = name_orders([f.image_path.stem for f in track]) if len({f.image_path.parent for f in track}) > 1 else []
+    paths = name_orders(_paths_within([f.image_path for f in track]))
+    # Parts of one sequence may lie in several folders, as those to train and to test; sequences of their own have equal names.
+    bare = [f.image_path.stem for f in track]
+    stems = name_orders(bare) if len(set(bare)) == len(bare) and len({f.image_path.parent for f in track}) > 1 else []
     names = paths + [(f"{by}, without their folders", order) for by, order in stems]
     file = [("the file", list(range(len(track))))]
     return [Order(by, order, way_of(centres[order])) for by, order in (file + names if file_order else names + file)]
+
+
+def _paths_within(images: Sequence[Path]) -> list[str]:
+    """Paths without suffixes within the folder that holds all pictures: what it lies in tells nothing."""
+    whole = [p.with_suffix("").as_posix() for p in images]
+    try:
+        shared = os.path.commonpath([p.parent for p in images])
+    except ValueError:  # on several disks
+        return whole
+    return [os.path.relpath(p, shared).replace(os.sep, "/") for p in whole]
 
 
 def _along(track: Sequence[Frame], centres: Float64) -> Order | None:
@@ -149,17 +164,17 @@ def _untimed(frames: list[Frame], stamps: Sequence[float], told: str | None) -> 
     return same, said if told is None else f"{told}; {said}"
 
 
-def _no_way(by: str, way: Way) -> str:
+def _no_way(by: str, way: Way, decides: str) -> str:
     back = f"{way.turning_back:.0%} of the steps lead back"
-    return f"no order of the frames makes a way: in that of {by} {back}; timestamp decides, and camera, if there are several"
+    return f"no order of the frames makes a way: in that of {by} {back}; {decides} decides, and camera, if there are several"
 
 
-def _told(best: Order, orders: Sequence[Order]) -> str | None:
+def _told(best: Order, orders: Sequence[Order], decides: str) -> str | None:
     first = orders[0]
     if best is not first:
         to_and_fro = ", to and fro" if first.way.zigzags else ""
         longer = f"in that of {first.by} the way is {_times(first, best)} times as long{to_and_fro}"
-        return f"frames are taken in the order of {best.by}: {longer}; timestamp decides"
+        return f"frames are taken in the order of {best.by}: {longer}; {decides} decides"
     as_texts = next((o for o in orders if o.by == AS_TEXTS), None)
     if best.by == BY_NUMBERS and as_texts is not None and as_texts.way.length * SHORTER > best.way.length:
         return f"frames are taken by {best.by}: as texts, the way is {_times(as_texts, best)} times as long"

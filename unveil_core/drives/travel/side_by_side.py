@@ -18,6 +18,7 @@ __all__ = ["APART", "RIG", "SAME", "Group", "relation"]
 
 RIG, SAME, APART = "rig", "same", "apart"
 """Two cameras that are mounted together; one camera; two that have nothing to do with each other."""
+NEITHER = "neither"
 MOST_COMPARED = 200
 """Pictures of a group that are compared with another one."""
 FEWEST = 3
@@ -77,29 +78,37 @@ class Group:
         return self.size == other.size and abs(np.log(self.focal / other.focal)) < NEAR_FOCAL
 
 
-def relation(a: Group, b: Group, *, timed: bool, clear: bool = False) -> str:
+def relation(a: Group, b: Group, *, timed: bool, clear: bool = False, zooms: bool = False) -> str:
     """Of two groups: :data:`RIG`, :data:`SAME` or :data:`APART`.
 
     Args:
         timed: whether the clocks are time stamps, which tell for sure who was on the way when; numbers in names may begin anew.
         clear: whether a rig has to be a clear case, because nothing but motion speaks for one.
+        zooms: whether groups that follow each other are one camera's whatever their focal lengths are, because nothing else tells
+            them apart.
     """
     noticeable = CLEARER if clear else 1.0
-    one = SAME if a.has_lens_of(b) else APART
+    one = SAME if a.has_lens_of(b) or (zooms and a.size == b.size) else APART
     if min(len(a.centres), len(b.centres)) < FEWEST:
         return RIG if len(a.moments & b.moments) == min(len(a.moments), len(b.moments)) else one
     with np.errstate(all="ignore"):
         if a.clock is not None and b.clock is not None:
-            known = _by_clock(a, b, timed, noticeable)
+            known = _by_clock(a, b, timed, noticeable, one)
             if known is not None:
                 return known
-        return _by_places(a, b, noticeable)
+            if len(np.intersect1d(a.clock, b.clock)) and not _follow_each_other(a, b):
+                # Numbers begin anew, and so does the way: another drive through the street, unless it is a rig.
+                return _by_places(a, b, noticeable, one, beside=APART)
+        return _by_places(a, b, noticeable, one, beside=one)
 
 
-def _by_clock(a: Group, b: Group, timed: bool, noticeable: float) -> str | None:
-    """By where both are at the same time; None where the clock is none."""
+def _by_clock(a: Group, b: Group, timed: bool, noticeable: float, one: str) -> str | None:
+    """By where both are at the same time; None where the clock is none.
+
+    Args:
+        one: what they are if they follow each other.
+    """
     assert a.clock is not None and b.clock is not None
-    one = SAME if a.has_lens_of(b) else APART
     begin, end = max(a.clock[0], b.clock[0]), min(a.clock[-1], b.clock[-1])
     shorter = min(np.ptp(a.clock), np.ptp(b.clock))
     if end - begin < OVERLAP * shorter or end <= begin:
@@ -113,16 +122,20 @@ def _by_clock(a: Group, b: Group, timed: bool, noticeable: float) -> str | None:
     centres, rotations = _at(many, few.clock[both])
     shared = len(np.intersect1d(a.clock, b.clock)) * 2 >= min(len(a.clock), len(b.clock))
     found = _compared(few, both, centres, rotations, along_counts=timed or shared, times=noticeable)
-    if found == "neither":
-        return APART if timed and not a.has_lens_of(b) else None if not timed else one if _between(a, b) else APART
-    if found == RIG and not timed and _follow_each_other(a, b):
-        return None  # numbers that begin anew in the next folder
+    if timed and found == NEITHER:
+        return SAME if a.has_lens_of(b) and _between(a, b) else APART
+    begins_anew = not timed and (_follow_each_other(a, b) if found == RIG else shared)
+    if found == NEITHER or begins_anew:
+        return None  # numbers that begin anew in the next folder: one camera has no two pictures of a number
     return RIG if found == RIG or not a.has_lens_of(b) else SAME
 
 
-def _by_places(a: Group, b: Group, noticeable: float) -> str:
-    """By where one is beside the other's path."""
-    one = SAME if a.has_lens_of(b) else APART
+def _by_places(a: Group, b: Group, noticeable: float, one: str, beside: str) -> str:
+    """By where one is beside the other's path.
+
+    Args:
+        one: what they are if they follow each other; beside: if they are beside each other, but no rig.
+    """
     few, many = (a, b) if len(a.centres) <= len(b.centres) else (b, a)
     some = np.arange(len(few.centres))[:: -(-len(few.centres) // MOST_COMPARED)]
     place, inside = _nearest_on_path(few.centres[some], many.centres)
@@ -133,15 +146,15 @@ def _by_places(a: Group, b: Group, noticeable: float) -> str:
     found = _compared(few, some, centres, rotations, along_counts=False, times=noticeable)
     if found == RIG:
         # Who comes back on the other side of the street keeps his distance, too, but goes the other way.
-        return RIG if float(np.median(np.diff(place))) > 0 else one
-    return one if found == "neither" or a.has_lens_of(b) else RIG
+        return RIG if float(np.median(np.diff(place))) > 0 else beside
+    return RIG if found == SAME and not a.has_lens_of(b) else beside
 
 
 def _compared(
     few: Group, some: NDArray[np.int64], centres: Float64, rotations: Float64, *, along_counts: bool, times: float
 ) -> str:
     """Whether pictures of a group keep a distance or an angle to places of another's path: :data:`RIG`; neither is noticeable:
-    :data:`SAME`; or "neither" of both, where they vary.
+    :data:`SAME`; or neither of both, where they vary: :data:`NEITHER`.
 
     Args:
         some: (M,) pictures of the group; centres: (M, 3), rotations: (M, 3, 3) of the other there.
@@ -163,7 +176,7 @@ def _compared(
     swung = angle > times * max(NOTICEABLE_DEG, CERTAIN * spread_deg / root)
     if steady and (shifted or swung):
         return RIG
-    return SAME if far <= max(0.5 * step, CERTAIN * spread / root) and angle <= 3 * STEADY_DEG else "neither"
+    return SAME if far <= max(0.5 * step, CERTAIN * spread / root) and angle <= 3 * STEADY_DEG else NEITHER
 
 
 def _between(a: Group, b: Group) -> bool:

@@ -269,10 +269,10 @@ def read_model_points(folder: Path) -> PointCloud:
         problem, mend = "holds no points", "export the model with its points, or put measured ones into it"
         if len(table):
             seen = int((table[:, 7] >= MIN_TRACK).sum())
-            problem = (
-                f"holds {len(table)} points, of which {seen} are seen by three images and none of these is right to "
-                f"{MAX_REPROJECTION_PX:g} pixels"
-            )
+            problem = f"holds {len(table)} points, none of them seen by three images"
+            if seen:
+                right = f"none of these right to {MAX_REPROJECTION_PX:g} pixels"
+                problem = f"holds {len(table)} points, {seen} of them seen by three images, and {right}"
             mend = "run the mapper with more overlap"
         raise DriveError(problem, path=folder, mend=mend)
     table = table[good]

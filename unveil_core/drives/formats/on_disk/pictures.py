@@ -79,9 +79,9 @@ class NamedFiles:
         lines = []
         if self.moved:
             name, place = next(iter(self.moved.items()))
-            where = os.path.relpath(place.parent, self.root)
+            where = self._shown(place.parent)
             lines.append(
-                f"{len(self.moved)} pictures are named as of another place, the first {name}: those in {where}/ are taken"
+                f"{len(self.moved)} pictures are named as of another place, the first {name}: those in {where} are taken"
             )
         if self.changed:
             name, place = next(iter(self.changed.items()))
@@ -96,10 +96,13 @@ class NamedFiles:
         for place in (folder, *(self.root / n for n in USUAL_FOLDERS), self.root):
             held = pictures_in(place) if place.is_dir() and place.is_relative_to(self.root) else []
             if held:
-                where = os.path.relpath(place, self.root)
-                where = f"{where}/" if where != "." else "the folder"
-                return f"{where} holds {len(held)} pictures of other names, as {held[0]}: name these, or restore the photographs"
+                some = f"{len(held)} pictures of other names, as" if len(held) > 1 else "one picture,"
+                return f"{self._shown(place)} holds {some} {held[0]}: name these, or restore the photographs"
         return "no pictures lie beside it: restore them, or correct file_path"
+
+    def _shown(self, folder: Path) -> str:
+        inner = os.path.relpath(folder, self.root).replace(os.sep, "/")
+        return f"{self.root.name if inner == '.' else inner}/"
 
     def _find(self, text: str, path: Path, suffixes: Sequence[str], *, other_suffix: bool) -> Path | None:
         folder = str(path.parent)
