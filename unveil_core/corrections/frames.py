@@ -44,8 +44,8 @@ def corrected_frames(corrections: Sequence[Correction], frames: Sequence[Frame])
         known[frame.camera_name, frame.name] = i
     found = []
     for c in corrections:
-        number = int(c.frame) if re.fullmatch(r"[0-9]{1,15}", c.frame) else c.frame
-        index = known.get((c.camera, c.frame), known.get((c.camera, number)))
+        counted: str | int = int(c.frame) if re.fullmatch(r"[0-9]{1,15}", c.frame) else c.frame
+        index = known.get((c.camera, c.frame), known.get((c.camera, counted)))
         if index is None:
             raise SettingsError(
                 f"{c.image}: the drive has no frame {c.frame} of camera {c.camera}",

@@ -153,6 +153,7 @@ SINGLES = {
     ),
     "autofocus in blocks": (single("{i:03d}", fl_x=lambda i: FOCAL + 0.05 * (i // 4)), "3 focal lengths"),
     "autofocus now and then": (single("{i:03d}", fl_x=lambda i: FOCAL + 0.05 * (i in (3, 4, 9))), "2 focal lengths"),
+    "a focal length for each frame": (single("{i:03d}", fl_x=lambda i: FOCAL + 0.01 * i), "12 focal lengths"),
     "a zoom": (single("{i:03d}", fl_x=lambda i: FOCAL * (1 + i // 6)), "2 focal lengths"),
     "a lens number for each frame": (single("{i:03d}", camera_id=lambda i: i), "camera_id of its own"),
     "one folder a frame": (single("f{i}/rgb"), None),

@@ -6,12 +6,15 @@ import json
 import subprocess
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.exports.conftest import Street
 from tests.exports.street import FRAMES, HEIGHT, LARGER, LENS, WIDTH, WORLD
+from unveil_core.app.cli import main
+from unveil_core.drives import open_drive
 from unveil_core.exports.mapping.cloud import street_points
 
 READ = """
@@ -25,6 +28,16 @@ images = {i.name: [i.camera_id, pose(i)] for i in model.images.values()}
 points = [[list(p.xyz), list(map(int, p.color))] for _, p in sorted(model.points3D.items())]
 json.dump({"cameras": cameras, "images": images, "points": points}, sys.stdout)
 """
+
+
+def test_unveil_opens_it_again(street: Street, tmp_path: Path) -> None:
+    assert main(["export", str(street.root), "--to", "colmap", "-o", str(tmp_path / "out")]) == 0
+    drive = open_drive(tmp_path / "out/colmap")
+    assert [f.name for f in drive.frames] == [f.name for f in street.job.drive.frames]
+    for own, found in zip(street.job.drive.frames, drive.frames, strict=True):
+        there = WORLD.camera_to_world(own.camera)
+        np.testing.assert_allclose(found.camera.centre, there.centre, atol=1e-2)
+    assert len(drive.points.positions) == len(street_points(street.job).cloud.positions) and drive.points.measured
 
 
 def test_pycolmap_reads_the_same_cameras_and_points(street: Street) -> None:

@@ -91,26 +91,28 @@ class _Grouping:
     strict: bool = True
 
 
-def guessed_cameras(shots: Sequence[Shot], decides: str) -> Guess:
+def guessed_cameras(shots: Sequence[Shot], decides: str, *, whole_folders: bool = False) -> Guess:
     """The cameras of some pictures, in their order.
 
     Args:
         decides: what a user may say instead, for the notice.
+        whole_folders: whether folders name cameras with all that they lie in, and a single one does, too.
     """
     poses = np.stack([s.pose for s in shots])
+    alone = file_name(shots[0].folder, ALONE) if whole_folders and len({s.folder for s in shots}) == 1 else ALONE
     if len(shots) < 2 or not np.isfinite(poses).all() or np.abs(poses).max() > 1e100:
-        return Guess([ALONE] * len(shots))
+        return Guess([alone] * len(shots))
     one_of: _Grouping | None = None
     for grouping in _groupings(shots, poses):
         sets, related = _sets(grouping, shots, poses)
         if len(sets) > 1 and (related or not grouping.strict):
-            names = _names(grouping, sets, shots)
+            names = _names(grouping, sets, whole_folders)
             return Guess(names, _told_rig(grouping, names, related, decides))
         if len(set(grouping.labels)) > 1 and grouping.kind in ("folders", "lenses"):
             one_of = one_of or grouping
     if one_of is None and 1 < len({s.focal for s in shots}) <= MOST_CAMERAS:
         one_of = _Grouping("lenses", [repr(s.focal) for s in shots], [])
-    return Guess([ALONE] * len(shots), None if one_of is None else _told_one(one_of, shots, decides))
+    return Guess([alone] * len(shots), None if one_of is None else _told_one(one_of, shots, decides))
 
 
 # Groupings
@@ -244,10 +246,10 @@ def _group(own: list[int], grouping: _Grouping, shots: Sequence[Shot], poses: Fl
 # Names and notices
 
 
-def _names(grouping: _Grouping, sets: Sequence[Sequence[str]], shots: Sequence[Shot]) -> list[str]:
+def _names(grouping: _Grouping, sets: Sequence[Sequence[str]], whole_folders: bool) -> list[str]:
     """Of the camera of each picture: its folder or the word in its names; by number where nothing names it."""
     if grouping.kind == "folders":
-        shared = _shared_folder(grouping.labels)
+        shared = "" if whole_folders else _shared_folder(grouping.labels)
         of_set = [file_name(_common(own).removeprefix(shared).strip("/"), ALONE) for own in sets]
         if len(set(of_set)) < len(of_set):
             of_set = [file_name(own[0].removeprefix(shared).strip("/"), ALONE) for own in sets]

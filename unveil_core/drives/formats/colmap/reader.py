@@ -69,7 +69,7 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
     if not found:
         problem = f"none of the {len(missing)} pictures of the model is there, the first {missing[0]}"
         raise DriveError(problem, path=pictures, mend=named.missing_because(missing[0]))
-    guess = guessed_cameras(shots, DECIDES)
+    guess = guessed_cameras(shots, DECIDES, whole_folders=True)
     frames = [
         Frame(name=name, camera_name=camera_name, camera=camera, image_path=place, distortion=distortion)
         for name, camera_name, (place, camera, distortion) in zip(

@@ -39,8 +39,10 @@ def read_frames(parts: Sequence[Part]) -> tuple[list[Frame], list[str]]:
             if not isinstance(entry, dict) or not entry.get("file_path"):
                 raise DriveError(f"frame {i} has no file_path", path=path)
             if not isinstance(entry["file_path"], str | int):
-                told = str(entry["file_path"])[:40]
-                raise DriveError(f"file_path of frame {i} is no name of a file: {told!r}", path=path, mend="correct it")
+                given = str(entry["file_path"])[:40]
+                raise DriveError(
+                    f"file_path of frame {i} is no name of a file: {given!r}", path=path, mend="correct it"
+                )
     files = NamedFiles(source)
     named = [
         (path, top, entry, _image(files, path, entry["file_path"])) for path, top in parts for entry in top["frames"]
