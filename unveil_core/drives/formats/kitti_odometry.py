@@ -127,6 +127,8 @@ def read_kitti_odometry(path: Path, scene: str = ".") -> Drive:
                 classes = partial(_classes, labels[n]) if n in labels else None
                 sweeps.append(Sweep(file, sweep_reader(file, Z_UP @ poses[n] @ velo, classes=classes), at(times, n)))
     notices += left_out("velodyne", len(poses) - len(sweeps), len(poses), "sweeps are missing")
+    there = len(sweep_files)
+    notices += left_out("velodyne", there - len(sweeps), there, "sweeps have no pose and are left out")
     return Drive(
         root=root,
         frames=tuple(frames),

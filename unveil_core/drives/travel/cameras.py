@@ -12,14 +12,13 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import PurePosixPath
 
 import numpy as np
 
 from unveil_core.base.checks.names import file_name
 from unveil_core.base.checks.numbers_in_names import columns_of, counting_numbers, natural_key
 from unveil_core.base.types import Float64
-from unveil_core.drives.travel.side_by_side import APART, RIG, SAME, Group, relation
+from unveil_core.drives.travel.side_by_side import APART, RIG, SAME, Group, is_smooth, relation
 
 __all__ = ["ALONE", "Guess", "Shot", "guessed_cameras"]
 
@@ -31,6 +30,8 @@ MOST_CAMERAS, LEAST_FRAMES = 16, 3
 """Of a rig that only names, lenses or turns tell, and pictures of each."""
 MOST_TURNS = 6
 """Cameras that may take turns in one sequence of names."""
+FARTHEST = 1e100
+"""Numbers of poses that can be squared."""
 NAMED = 3
 """Folders or words that a notice names."""
 
@@ -54,13 +55,12 @@ class Shot:
     @property
     def folder(self) -> str:
         """That it lies in, within the drive; "" for the drive's own."""
-        parts = PurePosixPath(self.path).parent.parts
-        return "/".join(p for p in parts if p not in (".", ".."))
+        return "/".join(p for p in self.path.split("/")[:-1] if p not in ("", ".", ".."))
 
     @property
     def stem(self) -> str:
         """The name of its file."""
-        return PurePosixPath(self.path).name
+        return self.path.rpartition("/")[2]
 
     @property
     def focal(self) -> float:
@@ -76,6 +76,26 @@ class Guess:
 
     names: list[str]
     notice: str | None = None
+
+
+class _Pictures:
+    """All pictures of a drive.
+
+    Attributes:
+        shots; folders and stems of their files; poses: (N, 4, 4).
+        timed: whether all have time stamps.
+        order: indices by time stamps where they are timed, then by names; place: of each in it.
+    """
+
+    def __init__(self, shots: Sequence[Shot]) -> None:
+        self.shots = shots
+        self.folders, self.stems = [s.folder for s in shots], [s.stem for s in shots]
+        self.poses = np.stack([s.pose for s in shots])
+        self.timed = all(s.time is not None for s in shots)
+        keys = [natural_key(s.path) for s in shots]
+        times = [s.time or 0.0 if self.timed else 0.0 for s in shots]
+        self.order = sorted(range(len(shots)), key=lambda i: (times[i], keys[i]))
+        self.place = {i: k for k, i in enumerate(self.order)}
 
 
 @dataclass(frozen=True)
@@ -98,13 +118,14 @@ def guessed_cameras(shots: Sequence[Shot], decides: str, *, whole_folders: bool 
         decides: what a user may say instead, for the notice.
         whole_folders: whether folders name cameras with all that they lie in, and a single one does, too.
     """
-    poses = np.stack([s.pose for s in shots])
-    alone = file_name(shots[0].folder, ALONE) if whole_folders and len({s.folder for s in shots}) == 1 else ALONE
-    if len(shots) < 2 or not np.isfinite(poses).all() or np.abs(poses).max() > 1e100:
+    pictures = _Pictures(shots)
+    folder = pictures.folders[0]
+    alone = file_name(folder, ALONE) if whole_folders and {folder} == set(pictures.folders) else ALONE
+    if len(shots) < 2 or not (np.abs(pictures.poses) < FARTHEST).all():
         return Guess([alone] * len(shots))
     one_of: _Grouping | None = None
-    for grouping in _groupings(shots, poses):
-        sets, related = _sets(grouping, shots, poses)
+    for grouping in _groupings(pictures):
+        sets, related = _sets(grouping, pictures)
         if len(sets) > 1 and (related or not grouping.strict):
             names = _names(grouping, sets, whole_folders)
             return Guess(names, _told_rig(grouping, names, related, decides))
@@ -118,19 +139,19 @@ def guessed_cameras(shots: Sequence[Shot], decides: str, *, whole_folders: bool 
 # Groupings
 
 
-def _groupings(shots: Sequence[Shot], poses: Float64) -> Iterator[_Grouping]:
-    folders, stems = [s.folder for s in shots], [s.stem for s in shots]
+def _groupings(pictures: _Pictures) -> Iterator[_Grouping]:
+    shots, folders, stems = pictures.shots, pictures.folders, pictures.stems
     count = len(set(folders))
     # Folders with the same few names in each are moments, not cameras.
     of_cameras = count <= len(set(stems)) or len(set(stems)) == 1
     if of_cameras and 1 < count <= MOST_GROUPS and count < len(shots):
         yield _Grouping("folders", folders, stems, strict=False)
-    yield from _by_names([f"{s.folder}/{s.stem}" if count > 1 else s.stem for s in shots])
+    yield from _by_names([f"{f}/{s}" for f, s in zip(folders, stems, strict=True)] if count > 1 else stems)
     lenses = [repr(s.lens) for s in shots]
     if count == 1 and _are_cameras(lenses):
         yield _Grouping("lenses", lenses, stems, strict=False)
     if count == 1:
-        yield from _by_turns(shots, poses)
+        yield from _by_turns(pictures)
 
 
 def _are_cameras(labels: Sequence[str]) -> bool:
@@ -140,9 +161,10 @@ def _are_cameras(labels: Sequence[str]) -> bool:
 
 def _by_names(names: Sequence[str]) -> Iterator[_Grouping]:
     """By words in the names, as ``left_0001`` and ``right_0001``, then by each of their numbers that counts only a few."""
-    words = ["#".join(_split(n)[::2]) for n in names]
+    parts = [_split(n) for n in names]
+    words = ["#".join(p[::2]) for p in parts]
     if _are_cameras(words):
-        yield _Grouping("names", words, ["#".join(_split(n)[1::2]) for n in names])
+        yield _Grouping("names", words, ["#".join(p[1::2]) for p in parts])
     columns = columns_of(names)
     if columns is None:
         return
@@ -159,16 +181,17 @@ def _split(name: str) -> tuple[str, ...]:
     return (name,) if columns is None else columns[0]
 
 
-def _by_turns(shots: Sequence[Shot], poses: Float64) -> Iterator[_Grouping]:
+def _by_turns(pictures: _Pictures) -> Iterator[_Grouping]:
     """One sequence in which cameras take turns, or stand one after the other."""
-    order = _in_order(shots, range(len(shots)))
-    for turns in range(2, MOST_TURNS + 1):
+    shots, order = pictures.shots, pictures.order
+    centres = pictures.poses[order, :3, 3]
+    smooth = is_smooth(centres, pictures.poses[order, :3, :3])
+    for turns in range(2, 2 if smooth else MOST_TURNS + 1):
         if len(shots) >= turns * LEAST_FRAMES:
             labels = [""] * len(shots)
             for place, i in enumerate(order):
                 labels[i] = str(place % turns + 1)
             yield _Grouping("turns", labels, [s.path for s in shots])
-    centres = poses[order, :3, 3]
     with np.errstate(all="ignore"):
         steps = np.linalg.norm(np.diff(centres, axis=0), axis=1)
         extent = np.linalg.norm(np.ptp(centres, axis=0))
@@ -184,13 +207,13 @@ def _by_turns(shots: Sequence[Shot], poses: Float64) -> Iterator[_Grouping]:
 # Groups that are one camera
 
 
-def _sets(grouping: _Grouping, shots: Sequence[Shot], poses: Float64) -> tuple[list[list[str]], bool]:
+def _sets(grouping: _Grouping, pictures: _Pictures) -> tuple[list[list[str]], bool]:
     """The labels of each camera, and whether any two cameras are a rig's."""
     members: dict[str, list[int]] = {}
     for i, label in enumerate(grouping.labels):
         members.setdefault(label, []).append(i)
-    timed = all(s.time is not None for s in shots) and all(_tells(own, shots) for own in members.values())
-    groups = {label: _group(own, grouping, shots, poses, timed) for label, own in members.items()}
+    timed = pictures.timed and all(_tells(own, pictures.shots) for own in members.values())
+    groups = {label: _group(own, grouping, pictures, timed) for label, own in members.items()}
     labels = list(groups)
     related: dict[tuple[str, str], str] = {}
     for i, a in enumerate(labels):
@@ -216,17 +239,9 @@ def _tells(own: Sequence[int], shots: Sequence[Shot]) -> bool:
     return len({shots[i].time for i in own}) * 2 > len(own)
 
 
-def _in_order(shots: Sequence[Shot], own: Sequence[int]) -> list[int]:
-    """By time stamps, then by names."""
-    keys = {i: natural_key(shots[i].path) for i in own}
-    if all(shots[i].time is not None for i in own):
-        return sorted(own, key=lambda i: (shots[i].time or 0.0, keys[i]))
-    return sorted(own, key=lambda i: keys[i])
-
-
-def _group(own: list[int], grouping: _Grouping, shots: Sequence[Shot], poses: Float64, timed: bool) -> Group:
-    own = _in_order(shots, own)
-    clock = None
+def _group(own: list[int], grouping: _Grouping, pictures: _Pictures, timed: bool) -> Group:
+    own = sorted(own, key=pictures.place.__getitem__)
+    shots, poses, clock = pictures.shots, pictures.poses[own], None
     if timed:
         clock = np.array([shots[i].time for i in own], dtype=np.float64)
     else:
@@ -234,8 +249,8 @@ def _group(own: list[int], grouping: _Grouping, shots: Sequence[Shot], poses: Fl
         if numbers is not None and numbers == sorted(numbers):
             clock = np.array(numbers, dtype=np.float64)
     return Group(
-        poses[own, :3, 3],
-        poses[own, :3, :3],
+        poses[:, :3, 3],
+        poses[:, :3, :3],
         clock,
         (int(shots[own[0]].lens[0]), int(shots[own[0]].lens[1])),
         float(np.median([shots[i].focal for i in own])),

@@ -16,11 +16,14 @@ def frame_names(shots: Sequence[Shot], cameras: Sequence[str]) -> list[str]:
     Args:
         cameras: name of the camera of each picture.
     """
-    long = [file_name(f"{s.folder}/{s.stem}".strip("/")) for s in shots]
     found = [s.stem for s in shots]
-    for camera in dict.fromkeys(cameras):
-        own = [k for k, name in enumerate(cameras) if name == camera]
-        if len({found[k] for k in own}) < len(own) == len({long[k] for k in own}):
-            for k in own:
-                found[k] = long[k]
+    own: dict[str, list[int]] = {}
+    for k, camera in enumerate(cameras):
+        own.setdefault(camera, []).append(k)
+    for indices in own.values():
+        if len({found[k] for k in indices}) < len(indices):
+            long = {k: file_name(f"{shots[k].folder}/{shots[k].stem}".strip("/")) for k in indices}
+            if len(set(long.values())) == len(indices):
+                for k, name in long.items():
+                    found[k] = name
     return found

@@ -131,12 +131,12 @@ def _orders(track: Sequence[Frame], centres: Float64, file_order: bool) -> list[
 
 def _paths_within(images: Sequence[Path]) -> list[str]:
     """Paths without suffixes within the folder that holds all pictures: what it lies in tells nothing."""
-    whole = [p.with_suffix("").as_posix() for p in images]
+    whole = [os.path.splitext(p)[0] for p in images]
     try:
-        shared = os.path.commonpath([p.parent for p in images])
-    except ValueError:  # on several disks
-        return whole
-    return [os.path.relpath(p, shared).replace(os.sep, "/") for p in whole]
+        shared = os.path.commonpath({os.path.dirname(p) for p in whole})
+    except ValueError:  # on several disks, or of several kinds
+        shared = ""
+    return [p.removeprefix(shared).lstrip(os.sep).replace(os.sep, "/") for p in whole]
 
 
 def _along(track: Sequence[Frame], centres: Float64) -> Order | None:

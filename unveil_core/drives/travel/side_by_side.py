@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64
 
-__all__ = ["APART", "RIG", "SAME", "Group", "relation"]
+__all__ = ["APART", "RIG", "SAME", "Group", "is_smooth", "relation"]
 
 RIG, SAME, APART = "rig", "same", "apart"
 """Two cameras that are mounted together; one camera; two that have nothing to do with each other."""
@@ -76,6 +76,19 @@ class Group:
     def has_lens_of(self, other: Group) -> bool:
         """Whether one lens may have taken both."""
         return self.size == other.size and abs(np.log(self.focal / other.focal)) < NEAR_FOCAL
+
+
+def is_smooth(centres: Float64, rotations: Float64) -> bool:
+    """Whether places (N, 3) and turns (N, 3, 3) are those of one camera for certain: each picture amid those beside it."""
+    if len(centres) < FEWEST:
+        return False
+    with np.errstate(all="ignore"):
+        beside = centres[2:] - centres[:-2]
+        off = np.linalg.norm(centres[1:-1] - centres[:-2] - 0.5 * beside, axis=1)
+        turned = _degrees(np.einsum("nji,njk->nik", rotations[:-1], rotations[1:]))
+        # Of cameras in a row that take turns only the outer ones are off.
+        far, wide = np.quantile(off, 0.75), np.quantile(turned, 0.75)
+        return bool(far < 2.5 * NOTICEABLE * np.median(np.linalg.norm(beside, axis=1)) and wide < 2 * NOTICEABLE_DEG)
 
 
 def relation(a: Group, b: Group, *, timed: bool, clear: bool = False, zooms: bool = False) -> str:

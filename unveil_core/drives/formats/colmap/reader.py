@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.drives.drive import Distortion, Drive, Frame
-from unveil_core.drives.formats.colmap.model import ModelImage
 from unveil_core.drives.formats.colmap.models import chosen_model, model_folders
 from unveil_core.drives.formats.on_disk.masks import with_masks_beside
 from unveil_core.drives.formats.on_disk.pictures import NamedFiles
@@ -16,7 +16,6 @@ from unveil_core.drives.formats.on_disk.unread import missing_notice, other_pict
 from unveil_core.drives.travel.cameras import Shot, guessed_cameras
 from unveil_core.drives.travel.names import frame_names
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.transforms import rigid_inverse
 
 __all__ = ["read_colmap"]
 
@@ -65,7 +64,7 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
         (fx, fy, cx, cy), distortion = lens.split()
         camera = Camera(lens.width, lens.height, fx, fy, cx, cy, image.world_to_camera)
         found.append((place, camera, distortion))
-        shots.append(_shot(image, place, pictures, camera, distortion))
+        shots.append(_shot(place, pictures, camera, distortion))
     if not found:
         problem = f"none of the {len(missing)} pictures of the model is there, the first {missing[0]}"
         raise DriveError(problem, path=pictures, mend=named.missing_because(missing[0]))
@@ -109,9 +108,7 @@ def _pictures_beside(path: Path) -> tuple[Path, Path]:
     )
 
 
-def _shot(image: ModelImage, place: Path, pictures: Path, camera: Camera, distortion: Distortion | None) -> Shot:
-    inside = place.relative_to(pictures).as_posix() if place.is_relative_to(pictures) else image.name
+def _shot(place: Path, pictures: Path, camera: Camera, distortion: Distortion | None) -> Shot:
+    inside = os.path.splitext(place)[0].removeprefix(f"{pictures}{os.sep}").replace(os.sep, "/")
     lens = (*camera.intrinsics, *(() if distortion is None else distortion.coefficients))
-    return Shot(
-        str(Path(inside).with_suffix("")), tuple(map(float, lens)), np.asarray(rigid_inverse(image.world_to_camera))
-    )
+    return Shot(inside, tuple(map(float, lens)), np.asarray(camera.camera_to_world))

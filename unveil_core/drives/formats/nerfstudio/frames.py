@@ -98,8 +98,8 @@ def _image(files: NamedFiles, path: Path, name: object) -> Path | None:
 def _shot(image: Path, root: Path, camera: Camera, distortion: Distortion | None, time: float | None) -> Shot:
     """A picture with its path within the drive, or as from there."""
     lens = (*camera.intrinsics, *(() if distortion is None else distortion.coefficients))
-    path = os.path.relpath(image.with_suffix(""), root).replace(os.sep, "/")
-    return Shot(path, tuple(map(float, lens)), camera.camera_to_world, time)
+    path, inside = os.path.splitext(image)[0], f"{root}{os.sep}"
+    return Shot(path.removeprefix(inside).replace(os.sep, "/"), tuple(map(float, lens)), camera.camera_to_world, time)
 
 
 def _is_told(line: str, notices: Sequence[str]) -> bool:

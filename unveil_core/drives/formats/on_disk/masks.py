@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,8 +16,8 @@ __all__ = ["with_masks_beside"]
 
 FOLDERS = ("masks", "mask")
 """That hold masks, the likelier first."""
-NGP = re.compile(r"dynamic_mask_(.+)", re.IGNORECASE)
-"""Stem of Instant-NGP's mask of the picture with the stem in it."""
+NGP = "dynamic_mask_"
+"""What comes before the stem of a picture in the name of Instant-NGP's mask of it, in small letters."""
 AFFIX = re.compile(
     r"^(?:dynamic_)?masks?[_.\- ]+|[_.\- ]+(?:dynamic_)?masks?$|^(?:dynamic_)?mask(?=[0-9])", re.IGNORECASE
 )
@@ -89,9 +90,9 @@ def _of_ngp(frames: Sequence[Frame]) -> _Found | None:
     for i, frame in enumerate(frames):
         folder = frame.image_path.parent
         if folder not in held:
-            matches = [(NGP.fullmatch(Path(n).stem), n) for n in pictures_in(folder)]
-            held[folder] = {m[1].lower(): n for m, n in matches if m is not None}
-        for name in (frame.image_path.stem, frame.image_path.name):
+            own = [n for n in pictures_in(folder) if n.lower().startswith(NGP)]
+            held[folder] = {os.path.splitext(n)[0].lower().removeprefix(NGP): n for n in own}
+        for name in (frame.image_path.stem, frame.image_path.name) if held[folder] else ():
             if (mask := held[folder].get(name.lower())) is not None:
                 found.setdefault(i, folder / mask)
     count = sum(map(len, held.values()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -40,12 +41,12 @@ def other_pictures(frames: Sequence[Frame], what: str, whole: Path | None = None
             only the folders in which the photographs lie.
     """
     suffixes = {f.image_path.suffix.lower() for f in frames}
-    used = {p for f in frames for p in (f.image_path, f.mask_path, f.semantic_path, f.instance_path, f.depth_path)}
+    used = {str(p) for f in frames for p in (f.image_path, f.mask_path, f.semantic_path, f.instance_path, f.depth_path)}
     lines = []
     for folder in [whole] if whole is not None else list(dict.fromkeys(f.image_path.parent for f in frames)):
         names = pictures_in(folder) if whole is None else pictures_below(folder)
-        there = [n for n in names if Path(n).suffix.lower() in suffixes]
-        rest = [n for n in there if folder / n not in used]
+        there = [n for n in names if os.path.splitext(n)[1].lower() in suffixes]
+        rest = [n for n in there if os.path.join(folder, n) not in used]
         if rest:
             lines.append(
                 f"{folder.name}/ holds {len(there)} pictures, {what} {len(there) - len(rest)} of them: {len(rest)} are not read, "
