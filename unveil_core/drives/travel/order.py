@@ -28,6 +28,8 @@ STRAIGHT = 0.15
 """Largest share of steps that turn back in an order that only the places tell: noise around one place has more in any order."""
 FEWEST = 4
 """Frames of a camera that have a way."""
+FARTHEST = 1e100
+"""Coordinates that can be squared."""
 STANDS_M = 1.0
 """A camera that stays within so many metres stands: its way is noise."""
 
@@ -87,7 +89,7 @@ def _by_time(track: list[Frame]) -> Decision:
 
 def _by_way(track: list[Frame], file_order: bool, least_extent: float, decides: str) -> Decision:
     centres = np.stack([f.camera.centre for f in track])
-    if len(track) < FEWEST or not np.isfinite(centres).all():
+    if len(track) < FEWEST or not (np.abs(centres) < FARTHEST).all():
         by = _orders(track, centres, file_order)[0].indices
         return _by_time([track[i] for i in by])
     orders = _orders(track, centres, file_order)

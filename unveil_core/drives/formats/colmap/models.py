@@ -202,8 +202,9 @@ def _joined(base: Model, other: Model, to_base: Similarity) -> Model:
     for image, lens, folder in other.images:
         if image.name not in known:
             pose = image.world_to_camera.copy()
-            pose[:3, :3] = pose[:3, :3] @ rotation.T
-            pose[:3, 3] = scale * image.world_to_camera[:3, 3] - pose[:3, :3] @ shift
+            with np.errstate(all="ignore"):
+                pose[:3, :3] = pose[:3, :3] @ rotation.T
+                pose[:3, 3] = scale * image.world_to_camera[:3, 3] - pose[:3, :3] @ shift
             added.append((ModelImage(image.name, image.camera, pose), lens, folder))
     a, b = base.points, other.points
     colors = None if a.colors is None or b.colors is None else np.concatenate([a.colors, b.colors])
