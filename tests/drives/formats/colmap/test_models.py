@@ -77,6 +77,15 @@ def test_models_are_joined_through_each_other(tmp_path: Path) -> None:
     assert list(way(open_drive(tmp_path, DriveOptions(model="0,1,2"))).values()) == pytest.approx([13.2], rel=1e-3)
 
 
+def test_the_largest_is_that_with_most_pictures_that_are_there(tmp_path: Path) -> None:
+    three(tmp_path)
+    for name in NAMES[2:8]:
+        (tmp_path / "images" / name).unlink()
+    drive = open_drive(tmp_path)
+    assert [f.name for f in drive.frames] == [n[:3] for n in NAMES[8:]]
+    assert "2 of 6 photographs are not there and are left out: 006.png, 007.png" in drive.notices
+
+
 def test_the_first_of_equal_ones_is_taken(tmp_path: Path) -> None:
     write_pictures(tmp_path / "images", NAMES)
     for k in (10, 2):

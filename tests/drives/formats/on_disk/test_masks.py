@@ -126,6 +126,17 @@ def test_folders_that_no_frame_names_are_told_with_their_key(tmp_path: Path) -> 
     )
 
 
+@pytest.mark.parametrize("pattern", ["{}_mask.png", "mask_{}.jpg", "{}.mask.png"])
+def test_masks_among_the_photographs_are_taken_and_told(pattern: str, tmp_path: Path) -> None:
+    path = capture(tmp_path)
+    masks = [pattern.format(s) for s in STEMS]
+    write_pictures(tmp_path / "images", masks)
+    drive = open_drive(path)
+    assert masks_of(drive) == masks and drive.notices == (
+        f"8 masks beside the photographs, as {masks[0]}, are taken: black = remove; mask_path decides",
+    )
+
+
 def half(path: Path) -> None:
     """A mask whose left half is white."""
     mask = np.zeros(SIZE[::-1], np.uint8)

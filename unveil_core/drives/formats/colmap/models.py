@@ -3,7 +3,7 @@ the smallest. The largest is taken; ``--model`` decides, and joins those that sh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,21 +46,20 @@ def model_folders(path: Path) -> list[Path]:
     if _is_model(path):
         return [path]
     for place in (path / "sparse", path / "colmap/sparse", path):
-        inner = sorted(_folders_of_models(place), key=lambda p: natural_key(p.name)) if place.is_dir() else []
-        if place == path:
-            inner = [p for p in inner if p.name.isdigit()]
-        elif _is_model(place):
-            inner.append(place)
+        inner = _models_in(place, numbered=place == path)
+        inner += [place] if place != path and _is_model(place) else []
         if inner:
             return inner
     return []
 
 
-def _folders_of_models(place: Path) -> list[Path]:
+def _models_in(place: Path, *, numbered: bool) -> list[Path]:
+    """Models in the folders of a place, by the numbers in their names; of any folder only those that are called by a number."""
     try:
-        return [p for p in place.iterdir() if p.is_dir() and _is_model(p)]
+        folders = [p for p in place.iterdir() if (p.name.isdigit() or not numbered) and p.is_dir() and _is_model(p)]
     except OSError:
         return []
+    return sorted(folders, key=lambda p: natural_key(p.name))
 
 
 def _is_model(folder: Path) -> bool:
@@ -78,11 +77,14 @@ def has_model(path: Path) -> bool:
     return folder is not None and any((folder / f"cameras{suffix}").is_file() for suffix in (".bin", ".txt"))
 
 
-def chosen_model(path: Path, folders: Sequence[Path], wanted: str | None) -> tuple[Model, list[str]]:
+def chosen_model(
+    path: Path, folders: Sequence[Path], wanted: str | None, is_there: Callable[[str], bool]
+) -> tuple[Model, list[str]]:
     """The model that is read, and what a user should know of the choice.
 
     Args:
         path: of the drive, for messages; folders: of its models; wanted: the name of one, of several with commas, "all", or None.
+        is_there: whether a picture is, by its name in a model.
     Raises:
         SettingsError: there is no such model, or it shares too few pictures with those that it is to be joined with.
         DriveError: a model that is damaged.
@@ -92,7 +94,8 @@ def chosen_model(path: Path, folders: Sequence[Path], wanted: str | None) -> tup
     images, notices = _images_of(folders, wanted)
     by_name = {f.name: f for f in folders}
     sizes = ", ".join(f"{n} ({len(images[n])} pictures)" for n in list(images)[:SHOWN]) + ", …" * (len(images) > SHOWN)
-    order = sorted(images, key=lambda n: -len(images[n]))  # stable: of equal ones the first
+    there = {n: sum(is_there(i.name) for i in own) for n, own in images.items()}
+    order = sorted(images, key=lambda n: (-there[n], -len(images[n])))  # stable: of equal ones the first
     names = [order[0]] if wanted is None else order if wanted == EVERY else [n.strip() for n in wanted.split(",")]
     unknown = [n for n in names if n not in images]
     if unknown:

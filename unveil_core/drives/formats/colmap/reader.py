@@ -42,7 +42,10 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
             "holds no COLMAP model", path=path, mend="sparse/0 with cameras, images and points3D is looked for"
         )
     root, pictures = _pictures_beside(path)
-    read, notices = chosen_model(path, folders, model)
+    looked_for = NamedFiles(folders[0], pictures)
+    read, notices = chosen_model(
+        path, folders, model, lambda name: looked_for.picture(name, "an image's name") is not None
+    )
     folder = read.folders[0]
     if not read.images:
         raise DriveError("has no images", path=folder, mend="a drive needs at least one frame")

@@ -50,14 +50,14 @@ def with_masks_beside(
         decides: what a user may say instead.
         usual: whether ``masks/NAME.png`` is a rule of the format, so that nothing needs to be told of it.
     """
-    beside = _of_ngp(frames)
-    if beside is not None:
-        told = (
-            f"{beside.count} masks {beside.where} are taken: white = remove, as Instant-NGP has it; {decides} decides"
-        )
-        return [replace(f, mask_path=beside.of.get(i), mask_is_white=i in beside.of) for i, f in enumerate(frames)], [
-            told
-        ]
+    for found, white in ((_of_ngp(frames), True), (_among_photographs(frames), False)):
+        if found is not None:
+            what = "white = remove, as Instant-NGP has it" if white else "black = remove"
+            masked = [
+                replace(f, mask_path=found.of.get(i), mask_is_white=white and i in found.of)
+                for i, f in enumerate(frames)
+            ]
+            return masked, [f"{found.count} masks {found.where} are taken: {what}; {decides} decides"]
     folder = next((p for n in FOLDERS if (p := root / n).is_dir()), None)
     found = None if folder is None else _in_folder(frames, folder, pictures)
     if found is None:
@@ -97,6 +97,24 @@ def _of_ngp(frames: Sequence[Frame]) -> _Found | None:
                 found.setdefault(i, folder / mask)
     count = sum(map(len, held.values()))
     return _Found(found, "beside the photographs (dynamic_mask_*)", count, False) if found else None
+
+
+def _among_photographs(frames: Sequence[Frame]) -> _Found | None:
+    """Masks beside the pictures under their names and a word, as ``0000_mask.png``."""
+    photographs = {f.image_path for f in frames}
+    found: dict[int, Path] = {}
+    held: dict[Path, dict[str, str]] = {}
+    for i, frame in enumerate(frames):
+        folder = frame.image_path.parent
+        if folder not in held:
+            own = [n for n in pictures_in(folder) if "mask" in n.lower() and folder / n not in photographs]
+            held[folder] = {AFFIX.sub("", os.path.splitext(n)[0].lower()): n for n in own}
+        mask = held[folder].get(frame.image_path.stem.lower())
+        if mask is not None:
+            found[i] = folder / mask
+    if not found:
+        return None
+    return _Found(found, f"beside the photographs, as {next(iter(found.values())).name},", len(found), False)
 
 
 def _in_folder(frames: Sequence[Frame], folder: Path, pictures: Path) -> _Found | None:
