@@ -63,11 +63,22 @@ RIGS = {
     "folders of moments": (rig("{i:03d}/{c}"), ["left", "right"], "the names"),
     "several folders a camera": (rig("{c}/{part}MEDIA/P_{i:04d}"), ["left", "right"], "their folders"),
     "words in names": (rig("{c}_{i:03d}"), ["left", "right"], "the names"),
+    "words of which one has no other": (
+        rig("front_{c}_{i:03d}", (("camera", LEFT), ("left_camera", RIGHT))),
+        ["front_camera", "front_left_camera"],
+        "the names",
+    ),
     "words at the end": (rig("{i:03d}_{c}", (*STEREO, ("back", BACK))), ["left", "right", "back"], "the names"),
     "numbers in names": (rig("{i:03d}_{k}"), ["camera_0", "camera_1"], "the names"),
     "lenses": (rig("{n:03d}", fl_x=lambda i, k: FOCAL + 0.1 * k), ["camera_1", "camera_2"], "their lenses"),
     "turns": (rig("{n:03d}"), ["camera_1", "camera_2"], "turns"),
+    "turns of front and back": (rig("{n:03d}", (("f", {}), ("b", BACK))), ["camera_1", "camera_2"], "turns"),
     "turns of three": (rig("{n:03d}", (*STEREO, ("b", BACK))), ["camera_1", "camera_2", "camera_3"], "turns"),
+    "lenses and turns": (
+        rig("{n:03d}", (("front", {}), *STEREO, ("back", BACK)), fl_x=lambda i, k: FOCAL * (1 + (k == 0))),
+        ["camera_1", "camera_2", "camera_3", "camera_4"],
+        "their lenses",
+    ),
     "one behind the other": (
         rig("{c}/{i:03d}", (("a", {}), ("b", {"offset": (0.0, 0.0, -2.0)})), timestamp=lambda i, k: 0.1 * i),
         ["a", "b"],

@@ -18,7 +18,7 @@ import numpy as np
 from unveil_core.base.checks.names import file_name
 from unveil_core.base.checks.numbers_in_names import columns_of, counting_numbers, natural_key
 from unveil_core.base.types import Float64
-from unveil_core.drives.travel.side_by_side import APART, RIG, SAME, Group, is_smooth, relation
+from unveil_core.drives.travel.side_by_side import APART, RIG, SAME, Group, is_smooth, relation, roughness
 
 __all__ = ["ALONE", "Guess", "Shot", "guessed_cameras"]
 
@@ -28,7 +28,7 @@ MOST_GROUPS = 32
 """Groups that are compared: a rig has a dozen cameras, a card that many folders."""
 MOST_CAMERAS, LEAST_FRAMES = 16, 3
 """Of a rig that only names, lenses or turns tell, and pictures of each."""
-MOST_TURNS = 6
+MOST_TURNS = 8
 """Cameras that may take turns in one sequence of names."""
 FARTHEST = 1e100
 """Numbers of poses that can be squared."""
@@ -128,6 +128,7 @@ def guessed_cameras(shots: Sequence[Shot], decides: str, *, whole_folders: bool 
         sets, related = _sets(grouping, pictures)
         if len(sets) > 1 and (related or not grouping.strict):
             names = _names(grouping, sets, whole_folders)
+            names = _with_turns(names, shots) if grouping.kind == "lenses" else names
             return Guess(names, _told_rig(grouping, names, related, decides))
         if len(set(grouping.labels)) > 1 and grouping.kind in ("folders", "lenses"):
             one_of = one_of or grouping
@@ -185,9 +186,11 @@ def _by_turns(pictures: _Pictures) -> Iterator[_Grouping]:
     """One sequence in which cameras take turns, or stand one after the other."""
     shots, order = pictures.shots, pictures.order
     centres = pictures.poses[order, :3, 3]
-    smooth = is_smooth(centres, pictures.poses[order, :3, :3])
-    for turns in range(2, 2 if smooth else MOST_TURNS + 1):
-        if len(shots) >= turns * LEAST_FRAMES:
+    rotations = pictures.poses[order, :3, :3]
+    if not is_smooth(centres, rotations):
+        possible = [k for k in range(2, MOST_TURNS + 1) if len(shots) >= k * LEAST_FRAMES]
+        # Of six cameras every second is no camera, though such groups may keep their distance, too: the smoothest first.
+        for turns in sorted(possible, key=lambda k: roughness(centres, rotations, k)):
             labels = [""] * len(shots)
             for place, i in enumerate(order):
                 labels[i] = str(place % turns + 1)
@@ -202,6 +205,22 @@ def _by_turns(pictures: _Pictures) -> Iterator[_Grouping]:
             labels[i] = str(int((jumps < place).sum()) + 1)
         if min(Counter(labels).values()) >= LEAST_FRAMES:
             yield _Grouping("turns", labels, [s.path for s in shots])
+
+
+def _with_turns(names: list[str], shots: Sequence[Shot]) -> list[str]:
+    """Cameras that lenses tell apart, and of those that have one lens the ones that take turns; numbered anew."""
+    labels = list(names)
+    for name in dict.fromkeys(names):
+        own = [i for i, n in enumerate(names) if n == name]
+        pictures = _Pictures([shots[i] for i in own])
+        for grouping in _by_turns(pictures):
+            sets, related = _sets(grouping, pictures)
+            if len(sets) > 1 and related:
+                for i, label in zip(own, grouping.labels, strict=True):
+                    labels[i] = f"{name} {label}"
+                break
+    numbers = {label: f"{ALONE}_{k}" for k, label in enumerate(dict.fromkeys(labels), start=1)}
+    return [numbers[label] for label in labels]
 
 
 # Groups that are one camera
@@ -272,6 +291,7 @@ def _names(grouping: _Grouping, sets: Sequence[Sequence[str]], whole_folders: bo
         words = [[w for w in re.split(r"[\W_]+", own[0]) if w] for own in sets]
         common = set.intersection(*map(set, words))
         of_set = [file_name("_".join(w for w in own if w not in common), "") for own in words]
+        of_set = of_set if all(of_set) else [file_name("_".join(own), "") for own in words]
         if "" in of_set or len(set(of_set)) < len(of_set):
             of_set = [f"{ALONE}_{k}" for k in range(1, len(sets) + 1)]
         of_set = [f"{ALONE}_{name}" if name.isdigit() else name for name in of_set]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64
 
-__all__ = ["APART", "RIG", "SAME", "Group", "is_smooth", "relation"]
+__all__ = ["APART", "RIG", "SAME", "Group", "is_smooth", "relation", "roughness"]
 
 RIG, SAME, APART = "rig", "same", "apart"
 """Two cameras that are mounted together; one camera; two that have nothing to do with each other."""
@@ -89,6 +89,17 @@ def is_smooth(centres: Float64, rotations: Float64) -> bool:
         # Of cameras in a row that take turns only the outer ones are off.
         far, wide = np.quantile(off, 0.75), np.quantile(turned, 0.75)
         return bool(far < 2.5 * NOTICEABLE * np.median(np.linalg.norm(beside, axis=1)) and wide < 2 * NOTICEABLE_DEG)
+
+
+def roughness(centres: Float64, rotations: Float64, every: int) -> float:
+    """How far each ``every``-th of places (N, 3) and turns (N, 3, 3) is from a smooth way; of a smooth one about the same for all
+    numbers."""
+    with np.errstate(all="ignore"):
+        bend = centres[2 * every :] - 2 * centres[every:-every] + centres[: -2 * every]
+        turned = _degrees(np.einsum("nji,njk->nik", rotations[:-every], rotations[every:]))
+        step = np.median(np.linalg.norm(centres[every:] - centres[:-every], axis=1)) / every
+        off = np.median(np.linalg.norm(bend, axis=1)) / every**2
+        return float(np.nan_to_num(off / step if step > 0 else 0.0) + np.mean(turned) / every / STEADY_DEG)
 
 
 def relation(a: Group, b: Group, *, timed: bool, clear: bool = False, zooms: bool = False) -> str:

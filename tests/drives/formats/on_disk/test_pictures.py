@@ -32,6 +32,7 @@ TRUE_M = STEP_M * 7
         ("data/nerf/fox/images/{}.png", "images/{}.png", "those in images/ are taken"),
         (r"D:\x\{}.png", "{}.png", "are taken"),
         ("{}.png", "images/{}.png", "those in images/ are taken"),
+        ("images/{}.png", "Images/{}.PNG", "those in Images/ are taken"),
         ("rgb/{}.png", "images/{}.png", "those in images/ are taken"),
         ("images/{}.jpg", "images/{}.png", "8 pictures have another suffix than their names: 000.png is taken for images/000.jpg"),
     ],

@@ -21,7 +21,7 @@ __all__ = ["read_colmap"]
 
 DECIDES = "a transforms.json with the key camera"
 """What says which camera took a picture, where a model's own guess is wrong."""
-INPUTS = ("images", "input", "image", "rgb")
+INPUTS = ("images", "Images", "input", "image", "rgb")
 """Folders of photographs, beside a model, the likelier first: 3D Gaussian splatting calls it ``input``."""
 
 
@@ -49,7 +49,7 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
     folder = read.folders[0]
     if not read.images:
         raise DriveError("has no images", path=folder, mend="a drive needs at least one frame")
-    if pictures.name != INPUTS[0]:
+    if pictures.name.lower() != INPUTS[0]:
         notices.append(f"there is no folder images/: pictures are taken from {pictures.name}/")
     named = NamedFiles(folder, pictures)
     shots: list[Shot] = []

@@ -120,11 +120,22 @@ class NamedFiles:
         """Folders below the drive's that end as the named one does, the longest first, then the usual ones."""
         windows = PureWindowsPath(text.removeprefix("file://"))
         parts = [p for p in windows.parts[:-1] if p not in (windows.anchor, ".", "..")]
-        places = [self.root.joinpath(*parts[k:]) for k in range(len(parts) + 1)]
-        found = []
+        tails = [parts[k:] for k in range(len(parts) + 1)] + [[n] for n in USUAL_FOLDERS]
         with suppress(OSError, ValueError):
-            found = [p for p in (*places, *(self.root / n for n in USUAL_FOLDERS)) if p.is_dir()]
-        return found
+            return [place for tail in tails if (place := self._folder(tail)) is not None]
+        return []
+
+    def _folder(self, parts: Sequence[str]) -> Path | None:
+        """A folder below the drive's by the names that lead to it, in capitals or small letters; None where it is not there."""
+        place = self.root
+        for part in parts:
+            if not (place / part).is_dir():
+                alike = [p for p in place.iterdir() if p.name.lower() == part.lower() and p.is_dir()]
+                if not alike:
+                    return None
+                part = alike[0].name
+            place = place / part
+        return place
 
     def _alike(self, folder: Path, name: str, suffixes: Sequence[str], other_suffix: bool) -> Path | None:
         listed = self._names_in(folder)
