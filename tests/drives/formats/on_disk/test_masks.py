@@ -137,6 +137,16 @@ def test_masks_among_the_photographs_are_taken_and_told(pattern: str, tmp_path: 
     )
 
 
+def test_masks_of_a_rig_beside_a_transforms_json_lie_as_its_photographs(tmp_path: Path) -> None:
+    names = [f"images/{c}/{n}" for c in ("left", "right") for n in NAMES]
+    entries = [frame(n, STEP_M * (i % 8), mount={"offset": (0.6 * (i // 8), 0.0, 0.0)}) for i, n in enumerate(names)]
+    path = write_transforms(tmp_path, entries)
+    (tmp_path / "masks").mkdir()
+    write_pictures(tmp_path / "mask", [n.removeprefix("images/") for n in names])
+    drive = open_drive(path)
+    assert [f.mask_path for f in drive.frames] == [tmp_path / n.replace("images", "mask") for n in names]
+
+
 def half(path: Path) -> None:
     """A mask whose left half is white."""
     mask = np.zeros(SIZE[::-1], np.uint8)

@@ -165,5 +165,13 @@ def test_links_that_lead_nowhere_are_missing_and_folders_are_no_pictures(tmp_pat
     assert pictures_below(tmp_path) == ["9.PNG", "10.png", "sub/1.jpg"]
     (tmp_path / "7.png").symlink_to(tmp_path / "nowhere")
     named = NamedFiles(tmp_path / "transforms.json")
-    assert named.picture("8.png") is None and named.picture("7.png") is None
-    assert named.picture("10.png") == tmp_path / "10.png" and named.picture("9.png") == tmp_path / "9.PNG"
+    found = named.pictures(["8.png", "7.png", "10.png", "9.png"], "file_path")
+    assert found == [None, None, tmp_path / "10.png", tmp_path / "9.PNG"]
+
+
+def test_a_picture_that_is_named_as_it_lies_is_that_of_no_other_name(tmp_path: Path) -> None:
+    """A deleted ``0.jpg`` beside ``0.png``."""
+    write_pictures(tmp_path, ["0.png", "1.png"])
+    assert NamedFiles(tmp_path / "t.json").pictures(["0.jpg", "0.png", "1.jpg"], "file_path") == [
+        None, tmp_path / "0.png", tmp_path / "1.png",
+    ]  # fmt: skip

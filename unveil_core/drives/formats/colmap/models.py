@@ -78,13 +78,13 @@ def has_model(path: Path) -> bool:
 
 
 def chosen_model(
-    path: Path, folders: Sequence[Path], wanted: str | None, is_there: Callable[[str], bool]
+    path: Path, folders: Sequence[Path], wanted: str | None, how_many: Callable[[Sequence[str]], int]
 ) -> tuple[Model, list[str]]:
     """The model that is read, and what a user should know of the choice.
 
     Args:
         path: of the drive, for messages; folders: of its models; wanted: the name of one, of several with commas, "all", or None.
-        is_there: whether a picture is, by its name in a model.
+        how_many: of the pictures of these names are there.
     Raises:
         SettingsError: there is no such model, or it shares too few pictures with those that it is to be joined with.
         DriveError: a model that is damaged.
@@ -94,7 +94,7 @@ def chosen_model(
     images, notices = _images_of(folders, wanted)
     by_name = {f.name: f for f in folders}
     sizes = ", ".join(f"{n} ({len(images[n])} pictures)" for n in list(images)[:SHOWN]) + ", …" * (len(images) > SHOWN)
-    there = {n: sum(is_there(i.name) for i in own) for n, own in images.items()}
+    there = {n: how_many([i.name for i in own]) for n, own in images.items()}
     order = sorted(images, key=lambda n: (-there[n], -len(images[n])))  # stable: of equal ones the first
     names = [order[0]] if wanted is None else order if wanted == EVERY else [n.strip() for n in wanted.split(",")]
     unknown = [n for n in names if n not in images]
@@ -131,7 +131,7 @@ def _images_of(folders: Sequence[Path], wanted: str | None) -> tuple[dict[str, l
             found[folder.name] = read_images(folder)
         except DriveError as error:
             damaged[folder.name] = error
-    asked = [n for n in damaged if wanted is not None and n in wanted.split(",")]
+    asked = [n for n in damaged if wanted is not None and n in map(str.strip, wanted.split(","))]
     if asked or not found:
         raise damaged[asked[0]] if asked else next(iter(damaged.values()))
     return found, [f"model {name} is left out: {error}" for name, error in damaged.items()]

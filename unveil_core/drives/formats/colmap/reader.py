@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,10 +43,7 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
             "holds no COLMAP model", path=path, mend="sparse/0 with cameras, images and points3D is looked for"
         )
     root, pictures = _pictures_beside(path)
-    looked_for = NamedFiles(folders[0], pictures)
-    read, notices = chosen_model(
-        path, folders, model, lambda name: looked_for.picture(name, "an image's name") is not None
-    )
+    read, notices = chosen_model(path, folders, model, lambda names: _how_many(names, folders[0], pictures))
     folder = read.folders[0]
     if not read.images:
         raise DriveError("has no images", path=folder, mend="a drive needs at least one frame")
@@ -55,12 +53,12 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
     shots: list[Shot] = []
     found: list[tuple[Path, Camera, Distortion | None]] = []
     missing = []
-    for image, lens, source in read.images:
+    places = named.pictures([image.name for image, *_ in read.images], "an image's name")
+    for (image, lens, source), place in zip(read.images, places, strict=True):
         if lens is None:
             raise DriveError(f"image {image.name} names camera {image.camera}, which is not there", path=source)
         if not Path(image.name).name:
             raise DriveError(f"an image's name is none of a file: {image.name[:40]!r}", path=source, mend="correct it")
-        place = named.picture(image.name, "an image's name")
         if place is None:
             missing.append(image.name)
             continue
@@ -109,6 +107,11 @@ def _pictures_beside(path: Path) -> tuple[Path, Path]:
     raise DriveError(
         "has no folder images/ beside its model", path=path, mend="put the photographs there, as the model names them"
     )
+
+
+def _how_many(names: Sequence[str], folder: Path, pictures: Path) -> int:
+    """Of the pictures that a model names those that are there."""
+    return sum(p is not None for p in NamedFiles(folder, pictures).pictures(names, "an image's name"))
 
 
 def _shot(place: Path, pictures: Path, camera: Camera, distortion: Distortion | None) -> Shot:

@@ -43,10 +43,13 @@ def read_frames(parts: Sequence[Part]) -> tuple[list[Frame], list[str]]:
                 raise DriveError(
                     f"file_path of frame {i} is no name of a file: {given!r}", path=path, mend="correct it"
                 )
+            if PurePosixPath(str(entry["file_path"]).replace("\\", "/")).name in ("", ".."):
+                given = str(entry["file_path"])[:40]
+                raise DriveError(f"file_path names no file: {given!r}", path=path, mend="correct it")
     files = NamedFiles(source)
-    named = [
-        (path, top, entry, _image(files, path, entry["file_path"])) for path, top in parts for entry in top["frames"]
-    ]
+    entries = [(path, top, entry) for path, top in parts for entry in top["frames"]]
+    images = files.pictures([entry["file_path"] for *_, entry in entries], "file_path")
+    named = [(*entry, image) for entry, image in zip(entries, images, strict=True)]
     there = [(path, top, entry, image) for path, top, entry, image in named if image is not None]
     missing = [str(entry["file_path"]) for _, _, entry, image in named if image is None]
     if not there:
@@ -82,17 +85,20 @@ def read_frames(parts: Sequence[Part]) -> tuple[list[Frame], list[str]]:
         )
     notices = [*files.notices(), *missing_notice(missing, len(named))]
     if not any(f.semantic_path or f.mask_path or f.instance_path or f.boxes for f in frames):
-        frames, told = with_masks_beside(frames, source.parent, frames[0].image_path.parent, "mask_path", usual=False)
+        frames, told = with_masks_beside(frames, source.parent, _folder_of(frames), "mask_path", usual=False)
         notices += told
     notices += other_pictures(frames, "the file names")
     notices += [line for line in unread_folders(frames, source.parent) if not _is_told(line, notices)]
     return frames, [*notices, *([] if guess.notice is None else [guess.notice])]
 
 
-def _image(files: NamedFiles, path: Path, name: object) -> Path | None:
-    if PurePosixPath(str(name).replace("\\", "/")).name in ("", ".."):
-        raise DriveError(f"file_path names no file: {str(name)[:40]!r}", path=path, mend="correct it")
-    return files.picture(name)
+def _folder_of(frames: Sequence[Frame]) -> Path:
+    """The folder that holds all photographs, with its folders."""
+    folders = {f.image_path.parent for f in frames}
+    try:
+        return Path(os.path.commonpath(folders))
+    except ValueError:  # on several disks
+        return next(iter(folders))
 
 
 def _shot(image: Path, root: Path, camera: Camera, distortion: Distortion | None, time: float | None) -> Shot:

@@ -58,8 +58,7 @@ def with_masks_beside(
                 for i, f in enumerate(frames)
             ]
             return masked, [f"{found.count} masks {found.where} are taken: {what}; {decides} decides"]
-    folder = next((p for n in FOLDERS if (p := root / n).is_dir()), None)
-    found = None if folder is None else _in_folder(frames, folder, pictures)
+    found = next((f for n in FOLDERS if (f := _in_folder(frames, root / n, pictures)) is not None), None)
     if found is None:
         return list(frames), []
     notices = []
@@ -118,6 +117,7 @@ def _among_photographs(frames: Sequence[Frame]) -> _Found | None:
 
 
 def _in_folder(frames: Sequence[Frame], folder: Path, pictures: Path) -> _Found | None:
+    """Masks in a folder of their own, None where it holds no pictures or is not there."""
     names = pictures_below(folder)
     if not names:
         return None

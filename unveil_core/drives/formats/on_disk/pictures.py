@@ -40,21 +40,29 @@ class NamedFiles:
         self.moved: dict[str, Path] = {}
         self.changed: dict[str, Path] = {}
         self._listed: dict[Path, dict[str, str]] = {}
-        self._places: dict[str, Path] = {}
-        self._taken: dict[Path, str] = {}
+        self._places: dict[str, list[Path]] = {}
 
-    def picture(self, name: object, key: str = "file_path") -> Path | None:
-        """The picture that is meant, None where it is not there.
+    def pictures(self, names: Sequence[object], key: str) -> list[Path | None]:
+        """The pictures that are meant, None for those that are not there. One that is named as it lies is that of no other name.
 
+        Args:
+            key: that names them, for messages.
         Raises:
             DriveError: no system has files of such a name.
         """
-        text = str(name)
-        path = named_path(self.root, text, self.source, key)
-        if path.suffix and _is_there(path):
-            return path
+        texts = [str(name) for name in names]
+        paths = [named_path(self.root, text, self.source, key) for text in texts]
+        there = [bool(path.suffix) and _is_there(path) for path in paths]
+        taken = {path: text for path, text, exact in zip(paths, texts, there, strict=True) if exact}
+        return [
+            path if exact else self._otherwise(text, path, taken)
+            for path, text, exact in zip(paths, texts, there, strict=True)
+        ]
+
+    def _otherwise(self, text: str, path: Path, taken: dict[Path, str]) -> Path | None:
+        """A picture that does not lie as it is named."""
         found = self._find(text, path, PICTURES, other_suffix=True)
-        if found is None or self._taken.setdefault(found, text) != text:
+        if found is None or taken.setdefault(found, text) != text:
             return None
         if found.parent != path.parent:
             self.moved[text] = found
@@ -106,13 +114,13 @@ class NamedFiles:
 
     def _find(self, text: str, path: Path, suffixes: Sequence[str], *, other_suffix: bool) -> Path | None:
         folder = str(path.parent)
-        if folder in self._places:
-            return self._alike(self._places[folder], path.name, suffixes, other_suffix)
-        known = path.parent != self.root and path.parent.is_dir()
-        for place in [path.parent] if known else self._tails(text):
+        if folder not in self._places:
+            known = path.parent != self.root and path.parent.is_dir()
+            self._places[folder] = [path.parent] if known else self._tails(text)
+        for place in self._places[folder]:
             found = self._alike(place, path.name, suffixes, other_suffix)
             if found is not None:
-                self._places[folder] = place
+                self._places[folder] = [place]  # of one folder all lie in one
                 return found
         return None
 
