@@ -147,6 +147,24 @@ def test_masks_of_a_rig_beside_a_transforms_json_lie_as_its_photographs(tmp_path
     assert [f.mask_path for f in drive.frames] == [tmp_path / n.replace("images", "mask") for n in names]
 
 
+def test_some_masks_that_no_frame_names_are_told(tmp_path: Path) -> None:
+    path = capture(tmp_path, mask_path=[f"masks/{n}" if i < 3 else None for i, n in enumerate(NAMES)])
+    write_pictures(tmp_path / "masks", NAMES)
+    assert open_drive(path).notices == (
+        "masks/ holds 8 pictures, frames name 3 of them: 5 are not read, the first 003.png; mask_path names one",
+    )
+
+
+@pytest.mark.parametrize("folder", ["masks", "images_masks"])
+def test_masks_that_are_no_pictures_are_told(folder: str, tmp_path: Path) -> None:
+    colmap(tmp_path)
+    (tmp_path / folder).mkdir()
+    np.savez(tmp_path / folder / "000.npz", np.zeros(3))
+    assert open_drive(tmp_path).notices == (
+        f"{folder}/ holds 1 files that are not read as masks, the first 000.npz: masks are pictures",
+    )
+
+
 def half(path: Path) -> None:
     """A mask whose left half is white."""
     mask = np.zeros(SIZE[::-1], np.uint8)

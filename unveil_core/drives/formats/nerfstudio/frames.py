@@ -88,7 +88,8 @@ def read_frames(parts: Sequence[Part]) -> tuple[list[Frame], list[str]]:
         frames, told = with_masks_beside(frames, source.parent, _folder_of(frames), "mask_path", usual=False)
         notices += told
     notices += other_pictures(frames, "the file names")
-    notices += [line for line in unread_folders(frames, source.parent) if not _is_told(line, notices)]
+    if not missing:  # what belongs to those lies there, too
+        notices += [line for line in unread_folders(frames, source.parent) if not _is_told(line, notices)]
     return frames, [*notices, *([] if guess.notice is None else [guess.notice])]
 
 

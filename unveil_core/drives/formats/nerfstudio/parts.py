@@ -16,7 +16,7 @@ SPLITS = ("transforms_train.json", "transforms_val.json", "transforms_test.json"
 
 def has_transforms(folder: Path) -> bool:
     """Whether a folder holds such files, by their names."""
-    return (folder / WHOLE).is_file() or (folder / SPLITS[0]).is_file()
+    return any((folder / name).is_file() for name in (WHOLE, *SPLITS))
 
 
 def parts_of(path: Path) -> tuple[list[tuple[Path, dict[str, Any]]], list[str]]:
@@ -27,8 +27,8 @@ def parts_of(path: Path) -> tuple[list[tuple[Path, dict[str, Any]]], list[str]]:
     Raises:
         DriveError: one is no JSON, or has no frames.
     """
-    if path.is_dir() and not (path / WHOLE).is_file() and (path / SPLITS[0]).is_file():
-        files = [path / name for name in SPLITS if (path / name).is_file()]
+    files = [path / name for name in SPLITS if (path / name).is_file()]
+    if files and not (path / WHOLE).is_file():
         parts = [(file, _read(file)) for file in files]
         counts = ", ".join(f"{file.name} ({len(top['frames'])})" for file, top in parts)
         return parts, [f"there is no {WHOLE}: the frames of {counts} are read as one drive"] if len(parts) > 1 else []

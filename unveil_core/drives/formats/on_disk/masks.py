@@ -10,12 +10,14 @@ from pathlib import Path
 
 from unveil_core.base.checks.numbers_in_names import counting_numbers
 from unveil_core.drives.drive import Frame
-from unveil_core.drives.formats.on_disk.pictures import PICTURES, pictures_below, pictures_in
+from unveil_core.drives.formats.on_disk.pictures import PICTURES, files_below, pictures_below, pictures_in
 
 __all__ = ["with_masks_beside"]
 
 FOLDERS = ("masks", "mask")
 """That hold masks, the likelier first."""
+OF_ARRAYS = ("images_masks", "input_masks")
+"""Folders of StreetUnveiler's masks, which are arrays."""
 NGP = "dynamic_mask_"
 """What comes before the stem of a picture in the name of Instant-NGP's mask of it, in small letters."""
 AFFIX = re.compile(
@@ -60,7 +62,7 @@ def with_masks_beside(
             return masked, [f"{found.count} masks {found.where} are taken: {what}; {decides} decides"]
     found = next((f for n in FOLDERS if (f := _in_folder(frames, root / n, pictures)) is not None), None)
     if found is None:
-        return list(frames), []
+        return list(frames), _no_pictures(root)
     notices = []
     if not found.of:
         notices.append(
@@ -80,6 +82,18 @@ def with_masks_beside(
             )
             notices.append(f"{told}; {decides} decides")
     return [replace(f, mask_path=found.of.get(i)) for i, f in enumerate(frames)], notices
+
+
+def _no_pictures(root: Path) -> list[str]:
+    """That folders of masks hold files of another kind, as arrays."""
+    lines = []
+    for name in (*FOLDERS, *OF_ARRAYS):
+        held = files_below(root / name)
+        if held:
+            lines.append(
+                f"{name}/ holds {len(held)} files that are not read as masks, the first {held[0]}: masks are pictures"
+            )
+    return lines
 
 
 def _of_ngp(frames: Sequence[Frame]) -> _Found | None:

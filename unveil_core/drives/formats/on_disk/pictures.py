@@ -11,7 +11,7 @@ from pathlib import Path, PureWindowsPath
 from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.checks.numbers_in_names import natural_key
 
-__all__ = ["PICTURES", "NamedFiles", "pictures_below", "pictures_in"]
+__all__ = ["PICTURES", "NamedFiles", "files_below", "pictures_below", "pictures_in"]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 """Suffixes of pictures that are read, the likelier first."""
@@ -173,6 +173,11 @@ def pictures_in(folder: Path) -> list[str]:
 
 def pictures_below(folder: Path) -> list[str]:
     """The same with those in its folders, as ``camera/0000.png``; none where there are too many to be looked through."""
+    return [n for n in files_below(folder) if _is_picture(n.rpartition("/")[2])]
+
+
+def files_below(folder: Path) -> list[str]:
+    """The files in a folder and its folders, likewise; hidden ones are left out."""
     found: list[str] = []
     held = 0
     for place, _, files in os.walk(folder):
@@ -180,7 +185,7 @@ def pictures_below(folder: Path) -> list[str]:
         if held > MOST_FILES:
             return []
         inner = os.path.relpath(place, folder).replace(os.sep, "/")
-        found += [n if inner == "." else f"{inner}/{n}" for n in files if _is_picture(n)]
+        found += [n if inner == "." else f"{inner}/{n}" for n in files if not n.startswith(".")]
     return sorted(found, key=natural_key)
 
 

@@ -56,20 +56,17 @@ def other_pictures(frames: Sequence[Frame], what: str, whole: Path | None = None
 
 
 def unread_folders(frames: Sequence[Frame], root: Path) -> list[str]:
-    """Folders of labels, instances, depth images or masks of which no frame names a file."""
-    used = {
-        p.parent
-        for f in frames
-        for p in (f.mask_path, f.semantic_path, f.instance_path, f.depth_path, f.image_path)
-        if p is not None
-    }
+    """Pictures in folders of labels, instances, depth images or masks that no frame names."""
+    named = (p for f in frames for p in (f.mask_path, f.semantic_path, f.instance_path, f.depth_path, f.image_path))
+    used = {str(p) for p in named if p is not None}
     lines = []
     for name, key in KINDS.items():
         folder = root / name
-        if folder.is_dir() and not any(p == folder or p.is_relative_to(folder) for p in used):
-            held = pictures_below(folder)
-            if held:
-                lines.append(
-                    f"{name}/ holds {len(held)} pictures that no frame names: they are not read; {key} names one"
-                )
+        held = pictures_below(folder)
+        rest = [n for n in held if os.path.join(folder, n) not in used]
+        if rest and len(rest) == len(held):
+            lines.append(f"{name}/ holds {len(held)} pictures that no frame names: they are not read; {key} names one")
+        elif rest:
+            some = f"frames name {len(held) - len(rest)} of them: {len(rest)} are not read, the first {rest[0]}"
+            lines.append(f"{name}/ holds {len(held)} pictures, {some}; {key} names one")
     return lines
