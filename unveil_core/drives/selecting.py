@@ -27,13 +27,17 @@ def select_part(drive: Drive, options: DriveOptions) -> Drive:
     wanted = options.cameras or tuple(n for n in drive.front_cameras if n in names) or ("all",)
     if wanted == ("all",):
         wanted = tuple(names)
-    missing = [n for n in wanted if n not in names]
+    # One camera's photographs may lie in several folders, by which they can be asked for, too.
+    folders = {f.image_path.parent.name for f in drive.frames}
+    missing = [n for n in wanted if n not in names and n not in folders]
     if missing:
         raise SettingsError(f"the drive has no camera {missing[0]}", mend=f"it has {', '.join(names) or 'none'}")
     frames = drive.frames
     if options.sweeps == KEY_SWEEPS and drive.key_frames is not None:
         frames = tuple(f for f in frames if f.name in drive.key_frames)
-    chosen = tuple(f for n in wanted for f in frames if f.camera_name == n)
+    chosen = tuple(
+        f for n in wanted for f in frames if n == (f.camera_name if n in names else f.image_path.parent.name)
+    )
     if options.frames is not None:
         chosen = _frames_of_ranges(chosen, options.frames)
         if not chosen:

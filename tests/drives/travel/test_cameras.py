@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from tests.drives.captures import FOCAL, STEP_M, frame, pose, way, write_model, write_pictures, write_transforms
+from unveil_core.base.drive_options import DriveOptions
+from unveil_core.base.errors import SettingsError
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, instants
 
@@ -188,6 +190,14 @@ def test_one_camera_stays_one_whatever_its_files_look_like(name: str, tmp_path: 
     assert list(way(drive).values()) == pytest.approx([STEP_M * (len(entries) - 1)], rel=0.05)
     assert len(drive.notices) == (told is not None)
     assert told is None or (told in drive.notices[0] and "the key camera" in drive.notices[0])
+
+
+def test_a_part_of_a_card_can_be_asked_for_by_its_folder(tmp_path: Path) -> None:
+    path = write_transforms(tmp_path, single("{part}MEDIA/DJI_{i:04d}"))
+    drive = open_drive(path, DriveOptions(cameras=("101MEDIA",)))
+    assert [f.name for f in drive.frames] == [f"DJI_{i:04d}" for i in range(6, 12)]
+    with pytest.raises(SettingsError, match="no camera 102MEDIA .it has camera"):
+        open_drive(path, DriveOptions(cameras=("102MEDIA",)))
 
 
 def test_who_comes_back_on_the_other_side_is_one_camera(tmp_path: Path) -> None:

@@ -117,6 +117,13 @@ def test_a_damaged_model_beside_a_good_one_is_left_out_and_told(tmp_path: Path) 
         open_drive(tmp_path, DriveOptions(model="1"))
 
 
+def test_the_largest_that_is_whole_is_taken(tmp_path: Path) -> None:
+    three(tmp_path)
+    (tmp_path / "sparse/1/points3D.txt").unlink()
+    drive = open_drive(tmp_path)
+    assert len(drive.frames) == 6 and "model 1 is left out: " in drive.notices[0] and "points3D" in drive.notices[0]
+
+
 def test_a_folder_of_models_and_a_model_itself_are_drives(tmp_path: Path) -> None:
     three(tmp_path)
     assert len(open_drive(tmp_path / "sparse").frames) == 7

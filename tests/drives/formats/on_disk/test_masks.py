@@ -9,10 +9,20 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.drives.captures import SIZE, STEP_M, frame, frames, write_model, write_pictures, write_transforms
+from tests.drives.captures import (
+    SIZE,
+    STEP_M,
+    frame,
+    frames,
+    write_model,
+    write_picture,
+    write_pictures,
+    write_transforms,
+)
 from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive
+from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.semantics.labels import choose_labels
 
@@ -163,6 +173,20 @@ def test_masks_that_are_no_pictures_are_told(folder: str, tmp_path: Path) -> Non
     assert open_drive(tmp_path).notices == (
         f"{folder}/ holds 1 files that are not read as masks, the first 000.npz: masks are pictures",
     )
+
+
+@pytest.mark.parametrize("folder", ["masks", "images"])
+def test_masks_that_nobody_named_and_that_do_not_fit_are_told_and_not_taken(folder: str, tmp_path: Path) -> None:
+    path = capture(tmp_path)
+    for stem in STEMS:
+        write_picture(tmp_path / folder / f"{stem}_mask.png", size=(8, 6))
+    drive = open_drive(path)
+    assert masks_of(drive) == [None] * 8 and check_drive(drive) is None
+    assert "are not read: 000_mask.png is 8x6 pixels, its photograph 16x12" in drive.notices[0]
+    for stem in STEMS:
+        cv2.imwrite(str(tmp_path / folder / f"{stem}_mask.png"), np.zeros((12, 16), np.uint16))
+    drive = open_drive(path)
+    assert masks_of(drive) == [None] * 8 and "uint16 pixels" in drive.notices[0]
 
 
 def half(path: Path) -> None:

@@ -100,6 +100,9 @@ def chosen_model(
     unknown = [n for n in names if n not in images]
     if unknown:
         raise SettingsError(f"{path} has no model {unknown[0]}", mend=f"it has {sizes}")
+    if wanted is None:
+        order, more = _readable(order, by_name, images)
+        names, notices = order[:1], [*notices, *more]
     read, left = _read(by_name[names[0]], images[names[0]]), list(dict.fromkeys(names[1:]))
     while left:
         placed = {n: p for n in left if (p := _placed(read.images, images[n])) is not None}
@@ -120,6 +123,24 @@ def chosen_model(
     elif left:
         notices.append(f"models that share too few pictures with the others are left out: {', '.join(left)}")
     return read, notices
+
+
+def _readable(
+    order: list[str], folders: dict[str, Path], images: dict[str, list[ModelImage]]
+) -> tuple[list[str], list[str]]:
+    """The models in their order from the first one that is whole, and what is wrong with those before.
+
+    Raises:
+        DriveError: none is; of the first.
+    """
+    wrong: dict[str, DriveError] = {}
+    for k, name in enumerate(order):
+        try:
+            _read(folders[name], images[name])
+            return order[k:], [f"model {n} is left out: {error}" for n, error in wrong.items()]
+        except DriveError as error:
+            wrong[name] = error
+    raise next(iter(wrong.values()))
 
 
 def _images_of(folders: Sequence[Path], wanted: str | None) -> tuple[dict[str, list[ModelImage]], list[str]]:

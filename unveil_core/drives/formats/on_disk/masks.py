@@ -9,7 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from unveil_core.base.checks.numbers_in_names import counting_numbers
+from unveil_core.base.errors import DriveError
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives.drive import Frame
+from unveil_core.drives.formats.cameras import picture_size
 from unveil_core.drives.formats.on_disk.pictures import PICTURES, files_below, pictures_below, pictures_in
 
 __all__ = ["with_masks_beside"]
@@ -53,6 +56,9 @@ def with_masks_beside(
         usual: whether ``masks/NAME.png`` is a rule of the format, so that nothing needs to be told of it.
     """
     for found, white in ((_of_ngp(frames), True), (_among_photographs(frames), False)):
+        misfit = None if found is None else _misfit(found, frames)
+        if misfit is not None:
+            return list(frames), [misfit]
         if found is not None:
             what = "white = remove, as Instant-NGP has it" if white else "black = remove"
             masked = [
@@ -70,18 +76,38 @@ def with_masks_beside(
             f"({found.where}NAME.png is the mask of NAME)"
         )
     else:
+        by_rule = usual and found.usual
+        misfit = None if by_rule else _misfit(found, frames)
+        if misfit is not None:
+            return list(frames), [misfit]
         rest = found.count - len(found.of)
         if rest:
             notices.append(
                 f"{found.where}: {rest} of {found.count} masks belong to no photograph, the first {found.first_other}"
             )
-        if not (usual and found.usual):
+        if not by_rule:
             by = "by the number in its name" if found.by_number else "by name"
             told = (
                 f"{len(found.of)} of {len(frames)} photographs have a mask in {found.where}, found {by}: black = remove"
             )
             notices.append(f"{told}; {decides} decides")
     return [replace(f, mask_path=found.of.get(i)) for i, f in enumerate(frames)], notices
+
+
+def _misfit(found: _Found, frames: Sequence[Frame]) -> str | None:
+    """Why masks that nobody named cannot be those of their photographs, None where they can."""
+    for i, path in found.of.items():
+        camera = frames[i].camera
+        try:
+            size = picture_size(path)
+            if path == next(iter(found.of.values())):
+                read_label_image(path)
+        except DriveError as error:
+            return f"masks {found.where} are not read: {error}"
+        if size != (camera.width, camera.height):
+            wanted = f"its photograph {camera.width}x{camera.height}"
+            return f"masks {found.where} are not read: {path.name} is {size[0]}x{size[1]} pixels, {wanted}"
+    return None
 
 
 def _no_pictures(root: Path) -> list[str]:
