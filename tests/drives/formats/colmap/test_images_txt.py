@@ -56,6 +56,15 @@ def test_names_may_be_numbers_or_have_spaces(names: list[str], tmp_path: Path) -
         assert [i.name for i in read_images(folder)] == names
 
 
+@pytest.mark.parametrize("instead", ["", "# not this one"])
+def test_an_image_s_line_may_be_taken_out_without_its_observations(instead: str, tmp_path: Path) -> None:
+    path = model(tmp_path)
+    lines = path.read_text().splitlines()
+    lines[1] = lines[7] = instead
+    path.write_text("\n".join(lines))
+    assert [i.name for i in read_images(path.parent)] == [n for k, n in enumerate(NAMES) if k not in (0, 3)]
+
+
 def test_a_damaged_line_is_not_taken_for_observations(tmp_path: Path) -> None:
     path = model(tmp_path, observations=False)
     lines = path.read_text().splitlines()

@@ -141,6 +141,11 @@ class _Line:
         return len(words) >= 9 and words[0].isdigit() and (len(words) % 3 != 0 or not self.is_numbers)
 
     @property
+    def is_of_no_image(self) -> bool:
+        """Whether these are observations whose image's line was taken out: places in fractions of pixels, by threes."""
+        return len(self.words) % 3 == 0 and not self.words[0].isdigit() and self.is_numbers
+
+    @property
     def is_numbers(self) -> bool:
         """Whether all words are numbers."""
         try:
@@ -236,6 +241,8 @@ def _image_lines(path: Path) -> Iterator[_Line]:
             empty = pending
         elif pending and not line.is_image and (not empty or line.is_numbers):
             pending = empty = False
+        elif line.is_of_no_image:
+            continue
         else:
             pending, empty = True, False
             yield line
