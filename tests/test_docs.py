@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from docs.generate import ORDER, ROOT
+from tests.drives.captures import write_picture
 from unveil_core import open_drive
 from unveil_core.app.cli import main
 from unveil_core.drives.drive import PointCloud
@@ -107,6 +108,8 @@ def test_the_example_of_a_drive_opens(page: str, tmp_path: Path) -> None:
     """It looks along +y, 1.6 m above the ground, as the page says."""
     (tmp_path / "transforms.json").write_text(code_blocks(ROOT / page, "json")[0])
     write_points(PointCloud(np.zeros((3, 3)) + [[0.0], [1.0], [2.0]]), tmp_path / "points.ply")
+    for frame in json.loads((tmp_path / "transforms.json").read_text())["frames"]:
+        write_picture(tmp_path / frame["file_path"])
     drive = open_drive(tmp_path)
     cameras = [frame.camera for frame in drive.frames]
     assert drive.units_per_metre == 1 and drive.scale_source == "metric"

@@ -76,8 +76,9 @@ def test_a_network_that_is_none_is_told_before_anything_is_made(
     assert not (tmp_path / "w").exists()
 
 
-def drop_image(path: Path) -> None:
-    (path.parent / "images/02.png").unlink()
+def drop_images(path: Path) -> None:
+    for picture in path.parent.rglob("*.png"):
+        picture.unlink()
 
 
 def garble_image(path: Path) -> None:
@@ -107,7 +108,7 @@ def no_points(path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "extra", "line"),
     [
-        (drop_image, [], "02.png: there is no such image"),
+        (drop_images, [], "none of the 4 photographs is there, the first images/00.png (no pictures lie beside it"),
         (garble_image, [], "02.png: is not a readable image"),
         (other_size, [], "00.png: is 32x24 pixels, its camera says 64x24"),
         (nan_pose, [], "the pose of frame 03 holds NaN or infinity"),

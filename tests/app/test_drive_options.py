@@ -49,6 +49,7 @@ def error(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ("--frames", "0:4:0", r"no range.*STEP above 0"),
         ("--sweeps", "some", r"sweeps.*all, key"),
         ("--sweeps", "0", r"sweeps.*all, key"),
+        ("--model", "1", r"has no models to choose from.*leave --model out"),
         ("--scene", "0061", r"one scene.*leave --scene out"),
         ("--labels", "/nowhere/labels", r"no folder of labels: /nowhere/labels"),
         ("--segmenter", "/nowhere/network.onnx", r"network\.onnx"),

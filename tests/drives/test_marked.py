@@ -19,6 +19,12 @@ def test_pictures_are_found_in_sub_folders_in_order(tmp_path: Path) -> None:
     assert [p.relative_to(tmp_path).as_posix() for p in files_named(tmp_path)] == ["a.JPG", "b.png", "front/c.tif"]
 
 
+def test_numbers_in_names_count_as_numbers(tmp_path: Path) -> None:
+    for k in (1, 2, 10):
+        (tmp_path / f"matte{k}.png").write_bytes(b"")
+    assert [p.stem for p in files_named(tmp_path)] == ["matte1", "matte2", "matte10"]
+
+
 def test_a_disk_is_no_folder_of_mattes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(marked, "MOST_FILES", 50)
     for k in range(51):

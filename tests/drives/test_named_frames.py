@@ -58,6 +58,15 @@ def test_without_numbers_in_the_stems_the_place_in_the_track_counts() -> None:
     assert named_frames(frames, ("left-3",)) == (2,)
 
 
+def test_a_number_in_a_name_is_that_of_the_frame(tmp_path: Path) -> None:
+    frames = [frame(f"shot2_frame{n}", c) for c in ("left", "right") for n in (8, 9, 10)]
+    assert named_frames(frames, ("9",)) == (1, 4)
+    assert named_frames(frames, ("0",)) == (0, 3)  # there is no frame 0: the first one
+    assert instants(frames).tolist() == [0, 1, 2, 0, 1, 2]
+    rare = [frame(f"right_{n}", "right") for n in (8, 10)]
+    assert instants([*frames[:3], *rare]).tolist() == [0, 1, 2, 0, 2]
+
+
 @pytest.mark.parametrize("name", ["7", "0007", "-1", "five", "front/0005", "9" * 30, "٣"])
 def test_what_there_is_not_is_refused_in_one_line(name: str) -> None:
     with pytest.raises(SettingsError) as refused:

@@ -11,7 +11,8 @@ from unveil_core.base.drive_options import DriveOptions, frame_range
 from unveil_core.base.errors import SettingsError
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
-from unveil_core.drives.selecting import in_order_of_time, select_part
+from unveil_core.drives.selecting import select_part
+from unveil_core.drives.travel.order import in_order_of_time
 from unveil_core.geometry.camera import Camera
 
 CAMERA = Camera(4, 3, 4.0, 4.0, 2.0, 1.5, np.eye(4))

@@ -29,7 +29,7 @@ from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.drives.drive import Distortion, PointCloud
 from unveil_core.drives.formats.binary import read_archive, read_floats
 from unveil_core.drives.formats.cameras import picture_size
-from unveil_core.drives.formats.colmap import read_colmap
+from unveil_core.drives.formats.colmap.reader import read_colmap
 from unveil_core.drives.formats.kitti.sweeps import read_velodyne
 from unveil_core.drives.formats.nerfstudio.depth import assumed_unit, depth_points
 from unveil_core.drives.formats.pandas_tables import read_table

@@ -16,7 +16,7 @@ from unveil_core.drives.camera_path import read_camera_path
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.formats import kitti_raw, pandaset
 from unveil_core.drives.formats.cameras import read_numbers
-from unveil_core.drives.formats.colmap import read_colmap
+from unveil_core.drives.formats.colmap.reader import read_colmap
 from unveil_core.drives.formats.kitti import boxes as kitti_boxes
 from unveil_core.drives.formats.kitti.boxes import read_boxes_360, read_tracklets
 from unveil_core.drives.formats.kitti.text import read_calibration, read_stamps, usable_pose
@@ -58,7 +58,9 @@ def _transforms(folder: Path) -> Opened:
 
 def _colmap(folder: Path) -> Opened:
     model = folder / "sparse/0"
-    (folder / "images").mkdir(parents=True)
+    (folder / "images/a").mkdir(parents=True)
+    for name in ("a/0.jpg", "1.jpg"):  # a model without pictures is refused
+        (folder / "images" / name).write_bytes(b"\xff\xd8\xff")
     model.mkdir(parents=True)
     lines = {
         "cameras": ["# Cameras", "1 PINHOLE 48 32 40 40 24 16", "2 OPENCV 48 32 40 40 24 16 0.1 0 0 0"],

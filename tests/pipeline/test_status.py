@@ -109,6 +109,7 @@ def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
         "cameras": [],
         "frames": None,
         "sweeps": "all",
+        "model": None,
         "labels": None,
         "segmenter": None,
     }

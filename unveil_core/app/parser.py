@@ -370,6 +370,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         metavar="A:B:STEP|auto",
         help="part of the drive, counted from 0 as in Python, or several: 3:9,40:46",
     )
+    add(
+        "--model",
+        type=_name_or_auto,
+        metavar="N|N,N|all|auto",
+        help="of several COLMAP models: one by its folder's name, or those that share pictures joined; by default the largest",
+    )
     add("--sweeps", metavar="all|key|N", help="LiDAR sweeps: all, of annotated frames only, or each N-th")
     add(
         "--labels",

@@ -19,10 +19,12 @@ class DriveOptions:
     cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
     frames: "A:B:STEP" as in Python, counted in each camera's order of time, several with commas between; None for all.
     sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
+    model: which of several COLMAP models: the name of its folder; several with commas between, or "all", join those that share
+        pictures; None = the largest.
     labels: path of a folder of label pictures in the place of the drive's own, see ``drives.importing.label_folder``; None = none.
 
     Raises:
-        SettingsError: frames that are no range, or unknown sweeps.
+        SettingsError: frames that are no range, unknown sweeps, or a model without a name.
     """
 
     scene: str | None = None
@@ -30,12 +32,17 @@ class DriveOptions:
     frames: str | None = None
     sweeps: str = ALL_SWEEPS
     labels: str | None = None
+    model: str | None = None
 
     def __post_init__(self) -> None:
         if self.frames is not None:
             frame_numbers(self.frames, 0)
         if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not re.fullmatch(r"0*[1-9]\d{0,8}", self.sweeps, re.ASCII):
             raise SettingsError(f"unknown sweeps {self.sweeps!r}", mend="use all, key, or a number N for each N-th")
+        if self.model is not None and not all(part.strip() for part in self.model.split(",")):
+            raise SettingsError(
+                f"unknown model {self.model!r}", mend="use the name of its folder, as 1, or several as 1,2, or all"
+            )
 
 
 def frame_numbers(text: str, count: int) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from unveil_core.delivery.views import EmptyDepth
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.drives.drive import Footage, Frame
 from unveil_core.drives.exposure import IDENTITY, Exposure
+from unveil_core.drives.selecting import numbers_of
 from unveil_core.geometry.images import grow, resampled, sample_at
 
 __all__ = ["Corrections", "corrected_frames"]
@@ -31,19 +33,26 @@ Invent = Callable[[int, Mask], NDArray[np.uint8]]
 
 
 def corrected_frames(corrections: Sequence[Correction], frames: Sequence[Frame]) -> list[int]:
-    """The index of the frame that each correction is of.
+    """The index of the frame that each correction is of: by its name, or by the number in it.
 
     Raises:
         SettingsError: the drive has no such frame.
     """
-    known = {(f.camera_name, f.name): i for i, f in enumerate(frames)}
+    known: dict[tuple[str, str | int | None], int] = {}
+    for i, (frame, number) in enumerate(zip(frames, numbers_of(frames), strict=True)):
+        known.setdefault((frame.camera_name, number), i)
+        known[frame.camera_name, frame.name] = i
+    found = []
     for c in corrections:
-        if (c.camera, c.frame) not in known:
+        counted: str | int = int(c.frame) if re.fullmatch(r"[0-9]{1,15}", c.frame) else c.frame
+        index = known.get((c.camera, c.frame), known.get((c.camera, counted)))
+        if index is None:
             raise SettingsError(
                 f"{c.image}: the drive has no frame {c.frame} of camera {c.camera}",
                 mend="correct the names, or take the entry out",
             )
-    return [known[(c.camera, c.frame)] for c in corrections]
+        found.append(index)
+    return found
 
 
 @dataclass(frozen=True, eq=False)

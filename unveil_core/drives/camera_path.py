@@ -22,8 +22,8 @@ from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.nerfstudio.keys import Keys
+from unveil_core.drives.formats.nerfstudio.poses import pose_from_matrix
 from unveil_core.drives.formats.nerfstudio.shift import shift_told
-from unveil_core.drives.formats.transforms_json import pose_from_matrix
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity

@@ -6,7 +6,6 @@ to metres, z up and a local origin, and the imported copy opens as a :class:`Dri
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.numbers_in_names import counting_numbers
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
@@ -38,6 +38,8 @@ __all__ = [
 
 LATEST_S = 1e19
 """Time stamps lie within: those in nanoseconds since 1970, too."""
+MOST_EXACT = 10**15
+"""Numbers that double precision tells apart."""
 RATES = 1e-3, 1e4
 """Frames a second that cameras take."""
 
@@ -98,6 +100,7 @@ class Frame:
         semantic_path: 8-bit PNG of Cityscapes trainIds (255 void), or None.
         instance_path: 16-bit PNG of instance ids (0 none), or None.
         mask_path: 8-bit PNG, 0 = remove, or None.
+        mask_is_white: the mask is one of Instant-NGP's, whose white is what is to be removed; never of an imported drive.
         depth_path: depth file named by the drive, or None.
         timestamp: seconds, or None.
         boxes: of tracked objects at this frame's time, where the drive has any.
@@ -117,6 +120,7 @@ class Frame:
     semantic_path: Path | None = None
     instance_path: Path | None = None
     mask_path: Path | None = None
+    mask_is_white: bool = False
     depth_path: Path | None = None
     timestamp: float | None = None
     boxes: tuple[TrackedBox, ...] = ()
@@ -237,18 +241,21 @@ def tracks(drive: Drive) -> list[list[int]]:
 def instants(frames: Sequence[Frame]) -> NDArray[np.float64]:
     """(N,) when each frame was taken, comparable between the cameras of a rig.
 
-    Its time stamp where all frames have one. Else the number that is its name, where all names are numbers that rise along each
-    camera's track and all cameras share a range of: frames of one moment have one number, also where a camera has fewer of them.
+    Its time stamp where all frames have one. Else the number in its name, where the names of each camera count by one that rises
+    along its track and all cameras share a range of: frames of one moment have one number, also where a camera has fewer of them.
     Else its place in its track.
     """
     if all(f.timestamp is not None for f in frames):
         return np.array([f.timestamp for f in frames], dtype=np.float64)
     places = np.zeros(len(frames))
-    numbers = np.array([int(f.name) if re.fullmatch(r"\d{1,15}", f.name) else np.nan for f in frames])
+    numbers = np.full(len(frames), np.nan)
     first, last = [], []
     for camera in dict.fromkeys(f.camera_name for f in frames):
         track = [i for i, f in enumerate(frames) if f.camera_name == camera]
         places[track] = np.arange(len(track))
+        counted = counting_numbers([frames[i].name for i in track])
+        if counted is not None and max(counted) < MOST_EXACT:
+            numbers[track] = counted
         first.append(numbers[track[0]])
         last.append(numbers[track[-1]] if (np.diff(numbers[track]) > 0).all() else np.nan)
     # What is no number is NaN, and so is the comparison.

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.checks.named_paths import named_path
+from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.pictures.decoding import read_image
@@ -86,7 +87,7 @@ def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
 
 
 def files_named(folder: Path) -> list[Path]:
-    """The pictures in a folder and its sub-folders, in order.
+    """The pictures in a folder and its sub-folders, in order: numbers in names count as numbers.
 
     Raises:
         DriveError: it holds more than mattes can be, as the root of a disk does.
@@ -99,7 +100,7 @@ def files_named(folder: Path) -> list[Path]:
             problem = f"holds more than {MOST_FILES:,} files or {MOST_FOLDERS:,} folders"
             raise DriveError(problem, path=folder, mend="name a folder of mattes alone")
         found += [Path(place, n) for n in files if n.lower().endswith(PICTURES) and not n.startswith(".")]
-    return sorted(found)
+    return sorted(found, key=lambda p: natural_key(p.as_posix()))
 
 
 def matte(folder: Path, drive: Drive, frame: Frame) -> NDArray[np.bool_] | None:

@@ -1,36 +1,20 @@
-"""Which part of a drive is read: cameras, frames, sweeps; its frames in the order of time, and by name."""
+"""Which part of a drive is read: cameras, frames, sweeps; and its frames by name."""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from unveil_core.base.checks.numbers_in_names import counting_numbers
 from unveil_core.base.drive_options import ALL_SWEEPS, KEY_SWEEPS, DriveOptions, frame_numbers
 from unveil_core.base.errors import SettingsError
 from unveil_core.drives.drive import Drive, Frame, Sweep
 
-__all__ = ["in_order_of_time", "named_frames", "select_part"]
-
-
-def in_order_of_time(drive: Drive) -> Drive:
-    """The drive with each camera's frames by time stamp, where all of them have one; a notice where they were not."""
-    ordered: list[Frame] = []
-    notices = list(drive.notices)
-    for name in dict.fromkeys(f.camera_name for f in drive.frames):
-        track = [f for f in drive.frames if f.camera_name == name]
-        stamps = [f.timestamp for f in track if f.timestamp is not None]
-        if len(stamps) == len(track):
-            by_time = sorted(track, key=lambda f: f.timestamp or 0.0)
-            if any(a is not b for a, b in zip(track, by_time, strict=True)):
-                notices.append(
-                    f"camera {name}: time stamps are not in the order of the frames; frames are taken by time"
-                )
-            track = by_time
-        ordered += track
-    return replace(drive, frames=tuple(ordered), notices=tuple(notices))
+__all__ = ["named_frames", "numbers_of", "select_part"]
 
 
 def select_part(drive: Drive, options: DriveOptions) -> Drive:
@@ -43,13 +27,17 @@ def select_part(drive: Drive, options: DriveOptions) -> Drive:
     wanted = options.cameras or tuple(n for n in drive.front_cameras if n in names) or ("all",)
     if wanted == ("all",):
         wanted = tuple(names)
-    missing = [n for n in wanted if n not in names]
+    # One camera's photographs may lie in several folders, by which they can be asked for, too.
+    folders = {f.image_path.parent.name for f in drive.frames}
+    missing = [n for n in wanted if n not in names and n not in folders]
     if missing:
         raise SettingsError(f"the drive has no camera {missing[0]}", mend=f"it has {', '.join(names) or 'none'}")
     frames = drive.frames
     if options.sweeps == KEY_SWEEPS and drive.key_frames is not None:
         frames = tuple(f for f in frames if f.name in drive.key_frames)
-    chosen = tuple(f for n in wanted for f in frames if f.camera_name == n)
+    chosen = tuple(
+        f for n in wanted for f in frames if n == (f.camera_name if n in names else f.image_path.parent.name)
+    )
     if options.frames is not None:
         chosen = _frames_of_ranges(chosen, options.frames)
         if not chosen:
@@ -100,27 +88,45 @@ def _thinned(sweeps: Sequence[Sweep], which: str) -> tuple[Sweep, ...]:
 def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ...]:
     """Indices of the frames that the user names: by stem (``0007``), by camera and stem (``front/0007``), or by number (``7``).
 
-    A number is the one in the stem where all stems are numbers, else the place in the camera's track, counted from 0. What
-    several cameras have is a keyframe in all of them.
+    A number is the one by which the stems of a camera count (``frame7``); where they count by none, or none of them has it, it
+    is the place in the camera's track, counted from 0. What several cameras have is a keyframe in all of them.
 
     Raises:
         SettingsError: there is no such frame.
     """
-    numbers = [int(f.name) if re.fullmatch(r"\d{1,18}", f.name) else None for f in frames]
-    if None in numbers:
-        places: dict[str, int] = {}
-        for i, f in enumerate(frames):
-            numbers[i] = places[f.camera_name] = places.get(f.camera_name, -1) + 1
+    numbers, places = numbers_of(frames), _places_of(frames)
+    counts = all(re.fullmatch(r"\d{1,18}", f.name) for f in frames)
     found: list[int] = []
     for name in names:
         matches = [i for i, f in enumerate(frames) if name in (f.name, f"{f.camera_name}/{f.name}")]
         if not matches and re.fullmatch(r"\d{1,18}", name):
             matches = [i for i, number in enumerate(numbers) if number == int(name)]
+        if not matches and re.fullmatch(r"\d{1,18}", name) and not counts:
+            matches = [i for i, place in enumerate(places) if place == int(name)]
         if not matches:
-            known = sorted(number for number in numbers if number is not None)
+            known = sorted(places if None in numbers else (n for n in numbers if n is not None))
             raise SettingsError(
                 f"there is no frame {name!r} to be a keyframe",
                 mend=f"use numbers from {known[0]} to {known[-1]}, or stems such as {frames[0].name}",
             )
         found += matches
     return tuple(dict.fromkeys(found))
+
+
+def numbers_of(frames: Sequence[Frame]) -> list[int | None]:
+    """The number in each frame's name by which its camera's frames count; None where they count by none."""
+    found: list[int | None] = [None] * len(frames)
+    for camera in dict.fromkeys(f.camera_name for f in frames):
+        own = [i for i, f in enumerate(frames) if f.camera_name == camera]
+        for i, number in zip(own, counting_numbers([frames[i].name for i in own]) or (), strict=False):
+            found[i] = number
+    return found
+
+
+def _places_of(frames: Sequence[Frame]) -> list[int]:
+    """The place of each frame in its camera's track."""
+    found, seen = [], Counter[str]()
+    for frame in frames:
+        found.append(seen[frame.camera_name])
+        seen[frame.camera_name] += 1
+    return found

@@ -65,7 +65,7 @@ class RunSettings:
             ``drives.importing.refined_poses``), "given" keeps them.
         work_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
             ``pipeline.steps.import_.WORKING_SIZE_PX``.
-        scene, cameras, frames, sweeps: which part of a dataset is read, see ``base.drive_options.DriveOptions``.
+        scene, cameras, frames, sweeps, model: which part of a drive is read, see ``base.drive_options.DriveOptions``.
         labels: path of a folder of label pictures for the frames, likewise, made absolute; None = the drive's own.
         memory: how much the frames that a stage holds may take, as "4G" or "512M" (see ``base.frame_cache``); results do not depend
             on it.
@@ -117,6 +117,7 @@ class RunSettings:
     cameras: tuple[str, ...] = ()
     frames: str | None = None
     sweeps: str = ALL_SWEEPS
+    model: str | None = None
     labels: str | None = None
     segmenter: str | None = None
     memory: str = "4G"
@@ -214,11 +215,13 @@ class RunSettings:
     @property
     def drive_options(self) -> DriveOptions:
         """Which part of the drive is read."""
-        return DriveOptions(self.scene, self.cameras, self.frames, self.sweeps, self.labels)
+        return DriveOptions(self.scene, self.cameras, self.frames, self.sweeps, self.labels, self.model)
 
     def without_drive_options(self) -> RunSettings:
         """The same for another drive, that is read whole and has its labels."""
-        return replace(self, scene=None, cameras=(), frames=None, sweeps=ALL_SWEEPS, labels=None, segmenter=None)
+        return replace(
+            self, scene=None, cameras=(), frames=None, sweeps=ALL_SWEEPS, model=None, labels=None, segmenter=None
+        )
 
     @property
     def files(self) -> dict[str, Path]:

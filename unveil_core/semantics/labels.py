@@ -18,6 +18,7 @@ from unveil_core.base.errors import DriveError, SelectionError
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.photographs import removed_by_mask
 from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
 
 __all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "frame_labels", "labels_of_frames"]
@@ -115,9 +116,10 @@ def find_labels(drive: Drive) -> SceneLabels:
     masked = [f for f in drive.frames if f.mask_path is not None]
     removed_pixels = kept = 0
     for frame in masked:
-        mask = read_label_image(frame.mask_path)  # type: ignore[arg-type]
-        removed_pixels += int((mask == 0).sum())
-        kept += int((mask != 0).sum())
+        mask = removed_by_mask(frame)
+        assert mask is not None
+        removed_pixels += int(mask.sum())
+        kept += int((~mask).sum())
     if not masked:
         kept = sum(f.camera.width * f.camera.height for f in drive.frames)
     removed = ("remove",) if removed_pixels else ()
@@ -182,9 +184,10 @@ def frame_labels(frame: Frame, scene: SceneLabels) -> NDArray[np.int64]:
         return label
     if scene.source == "nothing":
         return np.zeros((frame.camera.height, frame.camera.width), dtype=np.int64)
-    if frame.mask_path is None:
+    mask = removed_by_mask(frame)
+    if mask is None:
         return np.full((frame.camera.height, frame.camera.width), -1, dtype=np.int64)
-    return (read_label_image(frame.mask_path) == 0).astype(np.int64)
+    return mask.astype(np.int64)
 
 
 def labels_of_frames(frames: Sequence[Frame], scene: SceneLabels, cache: FrameCache) -> Sequence[NDArray[np.int64]]:

@@ -143,7 +143,7 @@ def test_frames_without_pose_are_left_out(tmp_path: Path) -> None:
     (root / "data_2d_raw" / NAME / "image_02/data_rgb").mkdir(parents=True)
     drive = open_drive(root / "data_2d_raw" / NAME)
     assert [int(f.name) for f in drive.frames] == [0, 2]
-    said = ["poses", "image_00", "image_01", "image_02", "velodyne_points"]
+    said = ["poses", "image_00", "image_01", "image_02", "velodyne_points", "velodyne_points"]
     assert [n.split(":")[0] for n in drive.notices] == said
 
 

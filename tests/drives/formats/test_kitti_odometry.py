@@ -123,7 +123,7 @@ def test_gaps_are_borne(tmp_path: Path) -> None:
     assert [f.name for f in drive.frames] == ["000000", "000002"]
     assert [f.timestamp for f in drive.frames] == [0.0, None]
     assert [s.path.stem for s in drive.sweeps] == ["000000", "000003"]
-    assert [n.split(":")[0] for n in drive.notices] == ["poses", "image_2", "image_0", "velodyne"]
+    assert [n.split(":")[0] for n in drive.notices] == ["poses", "image_2", "image_0", "velodyne", "velodyne"]
     write_text(tmp_path / "poses/00.txt", "nan " * 12)
     with pytest.raises(DriveError, match="holds no pose"):
         open_drive(folder)

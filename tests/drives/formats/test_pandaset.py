@@ -225,6 +225,7 @@ def test_frames_that_a_camera_lacks_are_borne(sequence: Path) -> None:
     drive = everything(sequence)
     assert [f.name for f in drive.frames if f.camera_name == "front_camera"] == ["00", "02"]
     assert len([f for f in drive.frames if f.camera_name == "back_camera"]) == COUNT
+    assert "2 of 4 photographs of front_camera are there" in drive.notices
     # Cameras of a rig give the same moments.
     found = open_drive(sequence, DriveOptions(cameras=("all",), frames="1:3"))
     assert [(f.camera_name, f.name) for f in found.frames] == [
@@ -238,6 +239,16 @@ def test_annotations_may_be_missing(sequence: Path) -> None:
     (sequence / "annotations").rmdir()
     drive = open_drive(sequence)
     assert not any(f.boxes for f in drive.frames) and drive.sweeps[0].read().classes is None
+    assert drive.notices == ("the sequence has no boxes of objects: annotations/cuboids holds none",)
+
+
+def test_cameras_and_pictures_that_are_not_read_are_told(sequence: Path) -> None:
+    (sequence / "camera/back_camera/intrinsics.json").unlink()
+    (sequence / "camera/front_camera/preview.jpg").write_bytes(b"")
+    assert open_drive(sequence).notices == (
+        "camera back_camera is left out: it has no intrinsics.json",
+        "front_camera/ holds 5 pictures, frames are named by numbers as 4 of them: 1 are not read, the first preview.jpg",
+    )
 
 
 def test_time_stamps_out_of_order_are_told_and_frames_come_by_time(sequence: Path) -> None:

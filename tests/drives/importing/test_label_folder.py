@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.drives.captures import frames, write_picture, write_transforms
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import SettingsError
@@ -45,6 +46,16 @@ def test_of_the_frames_that_are_asked_for_alone(tmp_path: Path) -> None:
     assert len(open_drive(drive, DriveOptions(labels=str(folder), frames="1:")).frames)
     with pytest.raises(SettingsError, match=rf"no labels of 1 of \d+ frames.*{first.camera_name}/{first.name}\.png"):
         open_drive(drive, DriveOptions(labels=str(folder)))
+
+
+def test_pictures_may_lie_as_the_photographs_do(tmp_path: Path) -> None:
+    """Of one camera whose photographs lie in two folders of a card."""
+    names = [f"images/{100 + i // 6}MEDIA/P_{i:04d}.png" for i in range(12)]
+    path = write_transforms(tmp_path / "drive", frames(names))
+    for name in names:
+        write_picture(tmp_path / "labels" / name.removeprefix("images/"), 0)
+    opened = open_drive(path, DriveOptions(labels=str(tmp_path / "labels")))
+    assert [f.semantic_path for f in opened.frames] == [tmp_path / "labels" / n.removeprefix("images/") for n in names]
 
 
 def test_two_cameras_want_folders_of_their_own(tmp_path: Path) -> None:

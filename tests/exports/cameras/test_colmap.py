@@ -19,6 +19,7 @@ from tests.exports.readers.gaussian_splatting import read_as_3dgs
 from tests.exports.street import FRAMES, HEIGHT, LARGER, LENS, WIDTH, WORLD
 from tests.exports.variants import BROWN, FISHEYE, RATIONAL, Entry, variant
 from unveil_core.app.cli import main
+from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Distortion, Frame
 from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.cloud import street_points
@@ -35,6 +36,16 @@ images = {i.name: [i.camera_id, pose(i)] for i in model.images.values()}
 points = [[list(p.xyz), list(map(int, p.color))] for _, p in sorted(model.points3D.items())]
 json.dump({"cameras": cameras, "images": images, "points": points}, sys.stdout)
 """
+
+
+def test_unveil_opens_it_again(street: Street, tmp_path: Path) -> None:
+    assert main(["export", str(street.root), "--to", "colmap", "-o", str(tmp_path / "out")]) == 0
+    drive = open_drive(tmp_path / "out/colmap")
+    assert [f.name for f in drive.frames] == [f.name for f in street.job.drive.frames]
+    there = np.array([WORLD.camera_to_world(f.camera).centre for f in street.job.drive.frames])
+    found = np.array([f.camera.centre for f in drive.frames])
+    np.testing.assert_allclose(found - found[0], there - there[0], atol=1e-2)
+    assert len(drive.points.positions) == len(street_points(street.job).cloud.positions) and drive.points.measured
 
 
 def read_by_pycolmap(folder: Path) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
@@ -40,7 +41,7 @@ def scenes_of(path: Path, is_one: Callable[[Path], bool]) -> list[str]:
         return []
     if is_one(path):
         return ["."]
-    return sorted(p.name for p in path.iterdir() if p.is_dir() and is_one(p))
+    return sorted((p.name for p in path.iterdir() if p.is_dir() and is_one(p)), key=natural_key)
 
 
 def rigid(matrix: object, path: Path, what: str) -> Float64:

@@ -168,6 +168,8 @@ def read_kitti360(path: Path, scene: str = ".") -> Drive:
         imu_from_velo = rigid(in_imu["image_00"], to_pose, "image_00") @ rigid_inverse(_bare(to_velo))
         sweeps = _sweeps(velodyne, {n: pose @ imu_from_velo for n, pose in poses.items()}, boxes)
     notices += left_out("velodyne_points", len(poses) - len(sweeps), len(poses), "sweeps are missing")
+    there = len(numbered(velodyne / "data", (".bin",)))
+    notices += left_out("velodyne_points", there - len(sweeps), there, "sweeps have no pose and are left out")
     stamp_files = (*(images / c / "timestamps.txt" for c in camera_names), velodyne / "timestamps.txt")
     return Drive(
         root=images,

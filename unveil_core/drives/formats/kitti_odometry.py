@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
@@ -76,7 +77,7 @@ def scenes(path: Path) -> list[str]:
     folder = _sequences(path)
     if not folder.is_dir():
         return []
-    return [p.name for p in sorted(folder.iterdir()) if p.name.isdigit() and is_one(p)]
+    return sorted((p.name for p in folder.iterdir() if p.name.isdigit() and is_one(p)), key=natural_key)
 
 
 def read_kitti_odometry(path: Path, scene: str = ".") -> Drive:
@@ -126,6 +127,8 @@ def read_kitti_odometry(path: Path, scene: str = ".") -> Drive:
                 classes = partial(_classes, labels[n]) if n in labels else None
                 sweeps.append(Sweep(file, sweep_reader(file, Z_UP @ poses[n] @ velo, classes=classes), at(times, n)))
     notices += left_out("velodyne", len(poses) - len(sweeps), len(poses), "sweeps are missing")
+    there = len(sweep_files)
+    notices += left_out("velodyne", there - len(sweeps), there, "sweeps have no pose and are left out")
     return Drive(
         root=root,
         frames=tuple(frames),

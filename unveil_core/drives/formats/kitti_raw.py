@@ -131,6 +131,8 @@ def read_kitti_raw(path: Path, scene: str = ".") -> Drive:
         raise DriveError("has no photograph with a pose", path=root / "oxts/data", mend=MEND)
     sweeps = _sweeps(root / "velodyne_points", scanner, read_stamps(root / "oxts/timestamps.txt"), boxes)
     notices += left_out("velodyne_points", len(scanner) - len(sweeps), len(scanner), "sweeps are missing")
+    there = len(numbered(root / "velodyne_points/data", (".bin",)))
+    notices += left_out("velodyne_points", there - len(sweeps), there, "sweeps have no pose and are left out")
     stamp_files = (root.glob("*/timestamps*.txt"), (tracklets,))
     return Drive(
         root=root,

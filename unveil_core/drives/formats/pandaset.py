@@ -21,12 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import table
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, pose_of, scenes_of
+from unveil_core.drives.formats.on_disk.unread import other_pictures
 from unveil_core.drives.formats.pandas_tables import read_table
 
 __all__ = ["is_one", "read_pandaset", "recognizes", "scenes"]
@@ -96,21 +98,29 @@ def read_pandaset(path: Path, scene: str = ".") -> Drive:
     boxes, files = _cuboids(root)
     sources += files
     frames: list[Frame] = []
-    for folder in sorted(p for p in (root / "camera").iterdir() if (p / "intrinsics.json").is_file()):
+    for folder in sorted(p for p in (root / "camera").iterdir() if p.is_dir()):
+        if not (folder / "intrinsics.json").is_file():
+            notices.append(f"camera {folder.name} is left out: it has no intrinsics.json")
+            continue
         sources += [folder / n for n in ("intrinsics.json", "poses.json", "timestamps.json")]
-        frames += _camera_frames(folder, boxes)
+        own = _camera_frames(folder, boxes)
+        frames += own
+        notices += other_pictures(own, "frames are named by numbers as")
+        if len(own) < len(stamps):
+            notices.append(f"{len(own)} of {len(stamps)} photographs of {folder.name} are there")
     sweeps = []
-    classes = _numbered(root / "annotations/semseg", (".pkl.gz", ".pkl"))
+    classes = {int(n): p for n, p in _numbered(root / "annotations/semseg", (".pkl.gz", ".pkl")).items()}
     for name, file in _numbered(root / "lidar", (".pkl.gz", ".pkl")).items():
-        labels = classes.get(name)
-        sources += [] if labels is None else [labels]
         number = int(name)
+        labels = classes.get(number)
+        sources += [] if labels is None else [labels]
         time = stamps[number] if number < len(stamps) else None
         sweeps.append(Sweep(file, partial(_points, file, labels), time, boxes.get(number, ())))
     if not frames:
         raise DriveError("has no photographs", path=root / "camera", mend="unpack the camera folders, too")
     if len(sweeps) < len(stamps):
         notices.append(f"{len(sweeps)} of {len(stamps)} LiDAR sweeps are there")
+    notices += [] if boxes else ["the sequence has no boxes of objects: annotations/cuboids holds none"]
     return Drive(
         root=root,
         frames=tuple(frames),
@@ -125,7 +135,7 @@ def read_pandaset(path: Path, scene: str = ".") -> Drive:
 def _numbered(folder: Path, endings: Sequence[str]) -> dict[str, Path]:
     """Files named by a number, by their stem, in order."""
     found: dict[str, Path] = {}
-    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+    for path in sorted(folder.iterdir(), key=lambda p: natural_key(p.name)) if folder.is_dir() else ():
         for ending in endings:
             if path.name.endswith(ending) and path.name[: -len(ending)].isdigit():
                 found.setdefault(path.name[: -len(ending)], path)

@@ -12,15 +12,19 @@ from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.file_names import with_file_names
 from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
-from unveil_core.drives.formats.colmap import find_model, has_model, read_colmap
+from unveil_core.drives.formats.colmap.models import find_model, has_model
+from unveil_core.drives.formats.colmap.reader import read_colmap
 from unveil_core.drives.formats.guard import guarded, with_guarded_readers
+from unveil_core.drives.formats.nerfstudio.parts import has_transforms
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
 from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_gaussians
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.formats.waymo import reading as waymo
 from unveil_core.drives.imported import is_imported, read_imported
 from unveil_core.drives.importing.label_folder import with_label_folder
-from unveil_core.drives.selecting import in_order_of_time, select_part
+from unveil_core.drives.selecting import select_part
+from unveil_core.drives.travel.order import in_order_of_time, in_order_of_travel
+from unveil_core.drives.travel.stamps import in_seconds
 
 __all__ = ["FORMATS", "Format", "drive_at", "open_drive"]
 
@@ -36,6 +40,8 @@ class Format:
         read: the drive at a path, with all its cameras. Raises DriveError.
         scenes: names of the drives that a folder holds, where it may hold several; ``read`` then takes one of them.
         is_one: whether a folder is such a drive itself, by names alone; where a folder never holds several, ``recognizes``.
+        order: what order the frames have as read: "time", or as "file" or "names" say, which the way then has to bear out.
+        models: whether a folder may hold several models; ``read`` then takes the name of one, or None.
     """
 
     name: str
@@ -44,6 +50,8 @@ class Format:
     read: Callable[..., Drive]
     scenes: Callable[[Path], list[str]] | None = None
     is_one: Callable[[Path], bool] | None = None
+    order: str = "time"
+    models: bool = False
 
 
 def _read_workspace(folder: Path) -> Drive:
@@ -55,8 +63,9 @@ FORMATS: tuple[Format, ...] = (
     Format(
         "transforms.json",
         "transforms.json",
-        lambda p: p.suffix.lower() == ".json" if p.is_file() else (p / "transforms.json").is_file(),
+        lambda p: p.suffix.lower() == ".json" if p.is_file() else has_transforms(p),
         read_transforms_json,
+        order="file",
     ),
     Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), _read_workspace, is_one=is_imported),
     Format(
@@ -138,7 +147,15 @@ FORMATS: tuple[Format, ...] = (
         kitti360.scenes,
         kitti360.is_one,
     ),
-    Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap, is_one=has_model),
+    Format(
+        "COLMAP",
+        "sparse/0 (COLMAP)",
+        lambda p: find_model(p) is not None,
+        read_colmap,
+        is_one=has_model,
+        order="names",
+        models=True,
+    ),
 )
 """In the order in which they are asked: a processed layout may hold a COLMAP model beside what it knows better."""
 
@@ -178,13 +195,26 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         raise DriveError("holds no drive", path=path, mend=f"looked for: {looked_for}")
     if kind.scenes is None and options.scene is not None:
         raise SettingsError(f"a drive of {kind.name} is one scene", mend="leave --scene out")
+    if not kind.models and options.model is not None:
+        raise SettingsError(f"a drive of {kind.name} has no models to choose from", mend="leave --model out")
     with guarded(path, kind.name):
         scene = () if kind.scenes is None else (_scene(kind, path, kind.scenes(path), options.scene),)
-        drive = with_guarded_readers(kind.read(path, *scene), kind.name)
+        model = {"model": options.model} if kind.models else {}
+        drive = with_guarded_readers(kind.read(path, *scene, **model), kind.name)
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
-    part = select_part(in_order_of_time(with_file_names(drive)), options)
+    drive = in_seconds(with_file_names(drive))
+    part = select_part(_in_order(drive, kind), options)
     return part if options.labels is None else with_label_folder(part, Path(options.labels))
+
+
+def _in_order(drive: Drive, kind: Format) -> Drive:
+    """The frames in the order of travel."""
+    if kind.order == "time":
+        return in_order_of_time(drive)
+    by_file = kind.order == "file"
+    decides = "timestamp" if by_file else "a transforms.json with timestamp"
+    return in_order_of_travel(drive, file_order=by_file, decides=decides)
 
 
 def _scene(kind: Format, path: Path, scenes: list[str], wanted: str | None) -> str:

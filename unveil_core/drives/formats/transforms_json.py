@@ -9,69 +9,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from unveil_core.base.checks.named_paths import named_path
+from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
-from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
-from unveil_core.drives.formats.cameras import ROTATION_TOLERANCE
 from unveil_core.drives.formats.nerfstudio.depth import assumed_unit, coarse_points, depth_sweeps
+from unveil_core.drives.formats.nerfstudio.frames import read_frames
 from unveil_core.drives.formats.nerfstudio.keys import Keys
-from unveil_core.drives.formats.nerfstudio.lens import crop_notice, read_lens
+from unveil_core.drives.formats.nerfstudio.lens import crop_notice
+from unveil_core.drives.formats.nerfstudio.parts import parts_of
 from unveil_core.drives.formats.nerfstudio.points import read_named_points
-from unveil_core.drives.formats.nerfstudio.rig import camera_names, frame_names
 from unveil_core.drives.formats.nerfstudio.shift import shift_told
-from unveil_core.geometry.transforms import nearest_rotation
 
-__all__ = ["pose_from_matrix", "read_transforms_json"]
-
-
-def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float64]:
-    """A checked (4, 4) rigid camera-to-world transform; rotations off by rounding are made exact.
-
-    Raises:
-        DriveError: not 4x4 numbers, NaN, or not a rotation.
-    """
-    try:
-        pose = np.asarray(matrix, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        pose = np.zeros(0)
-    if pose.shape == (3, 4):
-        pose = np.vstack([pose, [0, 0, 0, 1]])
-    if pose.shape != (4, 4):
-        raise DriveError(f"the pose of frame {frame} is not a 4x4 matrix", path=path)
-    if not np.isfinite(pose).all():
-        raise DriveError(
-            f"the pose of frame {frame} holds NaN or infinity", path=path, mend="drop the frame or redo its pose"
-        )
-    rotation, error = nearest_rotation(pose[:3, :3])
-    if error > ROTATION_TOLERANCE:
-        raise DriveError(
-            f"the pose of frame {frame} is no rotation (off by {error:.3g})",
-            path=path,
-            mend="poses are rigid: no scale, no mirror, no shear",
-        )
-    pose = pose.copy()
-    pose[:3, :3] = rotation
-    return pose
-
-
-def _image_path(source: Path, name: object) -> Path:
-    """The file that ``file_path`` of a transforms.json means; Instant-NGP leaves the suffix out."""
-    path = named_path(source.parent, name, source, "file_path")
-    if not path.name:
-        raise DriveError(f"file_path names no file: {str(name)[:40]!r}", path=source, mend="correct it")
-    if not path.suffix or not path.exists():
-        for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
-            if (candidate := path.with_name(path.name + suffix)).exists():
-                return candidate
-    return path
+__all__ = ["read_transforms_json"]
 
 
 def _is_scale(value: object) -> bool:
@@ -105,40 +58,13 @@ def _up_told(keys: Keys) -> Float64 | None:
     return np.asarray(up / np.linalg.norm(up))
 
 
-def _frames(top: dict[str, Any], path: Path) -> list[Frame]:
-    """The frames in the order of the file."""
-    entries = top["frames"]
-    for i, entry in enumerate(entries):
-        if not isinstance(entry, dict) or not entry.get("file_path"):
-            raise DriveError(f"frame {i} has no file_path", path=path)
-    images = [_image_path(path, entry["file_path"]) for entry in entries]
-    cameras = camera_names(entries)
-    names = frame_names(entries, cameras, [image.stem for image in images])
-    frames = []
-    for entry, image, camera_name, name in zip(entries, images, cameras, names, strict=True):
-        keys = Keys(entry, top, path, name)
-        camera, distortion = read_lens(keys, image, pose_from_matrix(entry.get("transform_matrix"), path, name))
-        time = keys.number("timestamp") if entry.get("timestamp") is not None else keys.number("time")
-        frames.append(
-            Frame(
-                name=name,
-                camera_name=camera_name,
-                camera=camera,
-                image_path=image,
-                distortion=distortion,
-                semantic_path=keys.file("semantic_path"),
-                instance_path=keys.file("instance_path"),
-                mask_path=keys.file("mask_path"),
-                depth_path=keys.file("depth_file_path"),
-                timestamp=time,
-                boxes=read_boxes(entry.get("boxes"), path, name),
-            )
-        )
-    return frames
-
-
 def _depth_unit(keys: Keys, frames: Sequence[Frame], notices: list[str]) -> float:
-    """Units of the drive a step of the depth images."""
+    """Units of the drive a step of the depth images: Instant-NGP counts them in units of the poses, nerfstudio in metres."""
+    own = keys.number("integer_depth_scale") if keys.get("depth_unit_scale_factor") is None else None
+    if own is not None:
+        if own <= 0:
+            raise DriveError(f"integer_depth_scale {own:g} is not positive", path=keys.path, mend="0.001 is usual")
+        return own
     first = next(f.depth_path for f in frames if f.depth_path is not None and f.depth_path.is_file())
     unit = keys.number("depth_unit_scale_factor")
     if unit is None:
@@ -147,6 +73,15 @@ def _depth_unit(keys: Keys, frames: Sequence[Frame], notices: list[str]) -> floa
     if unit <= 0:
         raise DriveError(f"depth_unit_scale_factor {unit:g} is not positive", path=keys.path, mend="0.001 is usual")
     return unit * (keys.number("applied_scale") or 1.0)
+
+
+def _points_beside(root: Path) -> str:
+    """What to do about points that are not named, by what lies beside the file."""
+    held = sorted((p.name for p in root.iterdir() if p.suffix.lower() == ".ply"), key=natural_key)
+    if held:
+        named = f'set "ply_file_path": "{held[0]}" if its points are measured or of SfM'
+        return f"{held[0]} lies beside it: {named}, or give depth images"
+    return "set ply_file_path to a PLY of LiDAR or SfM points, or give depth images"
 
 
 def read_transforms_json(path: Path) -> Drive:
@@ -164,36 +99,35 @@ def read_transforms_json(path: Path) -> Drive:
 
     Points: of the PLY that the file names; else of its depth images, as sweeps; else of a COLMAP model beside it.
 
+    Of a folder with ``transforms_train.json``, as those of synthetic NeRFs, the frames of all its parts are read.
+
     Args:
         path: the JSON file, or the folder that holds it.
     Raises:
         DriveError: with the file and the mend.
     """
-    path = path / "transforms.json" if path.is_dir() else path
-    top: Any = read_json(path)
-    if not isinstance(top, dict) or not isinstance(top.get("frames"), list) or not top["frames"]:
-        raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
+    parts, notices = parts_of(path)
+    path, top = parts[0]
     keys = Keys({}, top, path)
     if "applied_scale" in top and not _is_scale(top["applied_scale"]):
         raise DriveError(f"applied_scale is no scale: {str(top['applied_scale'])[:40]!r}", path=path, mend="correct it")
-    frames = _frames(top, path)
-    notices: list[str] = []
+    frames, told = read_frames(parts)
+    notices += told
     cropped = crop_notice(keys.number("fisheye_crop_radius"), [(f.camera, f.distortion) for f in frames])
     notices += [] if cropped is None else [cropped]
     points = PointCloud(np.zeros((0, 3)))
-    sources: tuple[Path, ...] = (path,)
+    sources: tuple[Path, ...] = tuple(p for p, _ in parts)
     sweeps: tuple[Sweep, ...] = ()
     with_depth = [f.depth_path for f in frames if f.depth_path is not None]
     missing = [p for p in with_depth if not p.is_file()]
     if keys.get("ply_file_path") or len(missing) == len(with_depth):
-        named = read_named_points(keys, [f.camera for f in frames])
+        named = read_named_points(keys, frames)
         if named is None:
-            raise DriveError(
-                "names no points",
-                path=path,
-                mend="set ply_file_path to a PLY of LiDAR or SfM points, or give depth images",
-            )
-        points, sources = named.cloud, (path, *named.sources)
+            problem = "names no points"
+            if missing:
+                problem += f", and none of its {len(missing)} depth images is there, the first {missing[0]}"
+            raise DriveError(problem, path=path, mend=_points_beside(path.parent))
+        points, sources = named.cloud, (*sources, *named.sources)
         notices += [] if named.notice is None else [named.notice]
     else:
         sweeps = depth_sweeps(frames, _depth_unit(keys, frames, notices))

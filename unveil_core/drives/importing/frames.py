@@ -15,7 +15,7 @@ from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.copies import copied_or_linked
 from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.drives.drive import Distortion, Footage, Frame, FrameLabels
-from unveil_core.drives.photographs import is_plain, photograph, store_photograph
+from unveil_core.drives.photographs import is_plain, photograph, removed_by_mask, store_photograph
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
 from unveil_core.geometry.lens import FISHEYE
@@ -97,9 +97,11 @@ def _resized(picture: NDArray[Any], target: Camera, *, label: bool) -> NDArray[A
     return resize_labels(picture, size) if label else cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
 
 
-def _read_mask(path: Path) -> NDArray[np.uint8]:
+def _kept_by_mask(frame: Frame) -> NDArray[np.uint8]:
     """(H, W) uint8, 0 = remove and 255 for all else: greys of a soft border would share its votes."""
-    return np.where(read_label_image(path) == 0, 0, 255).astype(np.uint8)
+    removed = removed_by_mask(frame)
+    assert removed is not None
+    return np.where(removed, 0, 255).astype(np.uint8)
 
 
 def labels_at_work_size(frame: Frame | Footage, found: FrameLabels, target: Camera) -> FrameLabels:
@@ -169,7 +171,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
     kinds = (
         ("semantics", "semantics", frame.semantic_path, read_label_image, 255),
         ("instances", "instances", frame.instance_path, read_instance_image, 0),
-        ("mask", "masks", frame.mask_path, _read_mask, 255),
+        ("mask", "masks", frame.mask_path, lambda _: _kept_by_mask(frame), 255),
     )
     for key, place, found, read, border in kinds:
         if found is None:
@@ -180,7 +182,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         ) -> None:
             if warped:
                 write_image_atomic(path, warp(read(found), border=border), like=found)
-            elif found.suffix.lower() != ".png":
+            elif found.suffix.lower() != ".png" or (found == frame.mask_path and frame.mask_is_white):
                 write_image_atomic(path, read(found), like=found)
             else:
                 copied_or_linked(found, path)

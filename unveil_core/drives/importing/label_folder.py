@@ -45,5 +45,7 @@ def _places(frame: Frame, folder: Path, one_camera: bool) -> Iterator[Path]:
     """Where the labels of a frame may lie, the best first; a frame may be called otherwise than its photograph's file."""
     for stem in dict.fromkeys((frame.name, frame.image_path.stem)):
         yield folder / frame.camera_name / f"{stem}.png"
+        # The photographs' own folder, of which one camera may have several.
+        yield folder / frame.image_path.parent.name / f"{stem}.png"
         if one_camera:
             yield folder / f"{stem}.png"

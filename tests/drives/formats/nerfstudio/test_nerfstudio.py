@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from collections.abc import Callable
@@ -81,19 +82,20 @@ def test_cameras_by_key(tmp_path: Path) -> None:
 
 
 def test_cameras_by_lens(tmp_path: Path) -> None:
+    """Of a rig that takes two pictures at a time; of one camera they are not (see ``tests/drives/travel``)."""
+
     def double(document: dict[str, Any]) -> None:
         entries = document["frames"]
-        document["frames"] = [dict(entry) for entry in (*entries, *entries)]
+        document["frames"] = [dict(entry) for entry in entries for _ in range(2)]
         for k, frame in enumerate(document["frames"]):
-            frame.update(fl_x=25.0 + k % 2, timestamp=float(k))
+            pose = camera_to_world(k // 2, np.array([0.0, 0.5 * (k % 2), 0.0])).tolist()
+            frame.update(fl_x=25.0 + k % 2, timestamp=0.1 * (k // 2), transform_matrix=pose)
             frame["file_path"] = f"images/{k:02d}.png"
+            (tmp_path / f"d/images/{k:02d}.png").write_bytes((tmp_path / "d/images/00.png").read_bytes())
 
     frames = open_drive(drive_with(tmp_path, double)).frames
     assert [f.camera_name for f in frames] == ["camera_1"] * 4 + ["camera_2"] * 4
     assert {f.camera.fx for f in frames[:4]} == {25.0} and {f.camera.fx for f in frames[4:]} == {26.0}
-    # A lens of its own for each frame is structure from motion's, not a rig's.
-    edit(tmp_path / "d/transforms.json", lambda d: set_frames(d, fl_x=[25.0 + k for k in range(8)]))
-    assert {f.camera_name for f in open_drive(tmp_path / "d").frames} == {"camera"}
 
 
 def test_frames_of_all_splits_in_the_order_of_the_file(tmp_path: Path) -> None:
@@ -277,6 +279,40 @@ def test_depth_images_are_sweeps(kind: str, tmp_path: Path) -> None:
     assert not ((np.abs(pixels[:, 0] - values.shape[1] / 2) < 0.9) & (pixels[:, 1] > values.shape[0] / 2 + 1)).any()
 
 
+@pytest.mark.parametrize("unit", [1e-3, 10 / 65535])
+def test_instant_ngp_names_depth_images_and_their_unit_otherwise(unit: float, tmp_path: Path) -> None:
+    """NeRFCapture's unit is a 65,535th of ten metres."""
+    path = make_tiny_drive(tmp_path)
+    with_depth(path, np.round(wall_depth() / unit).astype(np.uint16), integer_depth_scale=unit, up=[0, 0, 1])
+    edit(path, lambda d: [f.update(depth_path=f.pop("depth_file_path")) for f in d["frames"]])
+    drive = open_drive(path)
+    assert len(drive.sweeps) == 4 and drive.notices == ()
+    found = drive.sweeps[1].read().positions[:, 0] - 1
+    assert set(np.round(found, 3)) == {8.0, 5.0} and drive.scale_source == "metric"
+
+
+def splits(path: Path) -> Path:
+    """The drive in two files, as synthetic NeRFs have it; returns its folder."""
+    document = json.loads(path.read_text())
+    for name, frames in (("train", document["frames"][::2]), ("test", document["frames"][1::2])):
+        (path.parent / f"transforms_{name}.json").write_text(json.dumps({**document, "frames": frames}))
+    path.unlink()
+    return path.parent
+
+
+def test_parts_of_a_capture_are_one_drive(tmp_path: Path) -> None:
+    folder = splits(make_tiny_drive(tmp_path))
+    drive = open_drive(folder)
+    assert [f.name for f in drive.frames] == ["00", "01", "02", "03"]
+    assert drive.notices[0] == (
+        "there is no transforms.json: the frames of transforms_train.json (2), transforms_test.json (2) are read as one drive"
+    )
+    assert {p.name for p in drive.sources} >= {"transforms_train.json", "transforms_test.json"}
+    alone = open_drive(folder / "transforms_train.json")
+    assert [f.name for f in alone.frames] == ["00", "02"]
+    assert "transforms_test.json beside it: not read; give the folder to read all frames" in alone.notices
+
+
 @pytest.mark.parametrize("model", ["OPENCV", "OPENCV_FISHEYE"])
 def test_depth_through_a_distorting_lens(model: str, tmp_path: Path) -> None:
     path = make_tiny_drive(tmp_path)
@@ -346,7 +382,17 @@ BAD_KEYS: dict[str, Callable[[dict[str, Any]], object]] = {
     "has no frames": lambda d: d.update(frames={"a": 1}),
     "frame 1 has no file_path": lambda d: d["frames"][1].pop("file_path"),
     "has neither fl_x nor camera_angle_x": lambda d: (d.pop("fl_x"), d.update(camera_angle_x=4.0)),
-    "names no points .*or give depth images": lambda d: d.pop("ply_file_path"),
+    'names no points .points.ply lies beside it: set "ply_file_path": .*or give depth': lambda d: d.pop("ply_file_path"),
+    "file_path of frame 1 is no name of a file": lambda d: d["frames"][1].update(file_path=["images/01.png"]),
+    "integer_depth_scale -1 is not positive": lambda d: (
+        d.pop("ply_file_path"),
+        d.update(integer_depth_scale=-1.0),
+        set_frames(d, depth_path=[f"images/{k:02d}.png" for k in range(4)]),
+    ),
+    "names no points, and none of its 4 depth images is there, the first .*/d/9.png": lambda d: (
+        d.pop("ply_file_path"),
+        set_frames(d, depth_path=["d/9.png"] * 4),
+    ),
 }  # fmt: skip
 
 

@@ -160,6 +160,17 @@ def test_scenes_and_times(tmp_path: Path) -> None:
     assert [f.timestamp for f in open_drive(tmp_path / "waymo").frames] == [0.0, 0.1, 0.2]
 
 
+def test_numbers_without_zeros_before_them_count_as_numbers(tmp_path: Path) -> None:
+    root = write_scene(tmp_path / "000", "waymo")
+    for path in [p for p in root.rglob("00*") if p.is_file()]:
+        path.rename(path.with_name(f"{int(path.name[:3]) + 8}{path.name[3:]}"))
+    (root / "images/thumbnail.jpg").write_bytes(b"")
+    drive = open_drive(root)
+    assert [f.name for f in drive.frames] == ["8", "9", "10"]
+    assert [s.path.name for s in drive.sweeps] == ["8.bin", "9.bin", "10.bin"]
+    assert "images/: 1 pictures are not named as 000_0.jpg, the first thumbnail.jpg" in drive.notices
+
+
 def test_gaps_are_borne_and_told(tmp_path: Path) -> None:
     root = write_scene(tmp_path / "000", "waymo")
     (root / "ego_pose/001.txt").unlink()

@@ -223,6 +223,13 @@ def test_missing_photographs_are_skipped_and_told(tmp_path: Path) -> None:
     assert any("1 of 4 photographs of camera_FRONT" in n for n in drive.notices)
 
 
+def test_photographs_may_be_png(tmp_path: Path) -> None:
+    root = write_segment(tmp_path / "segment")
+    path = root / "images/camera_FRONT/00000001.jpg"
+    path.rename(path.with_suffix(".png"))
+    assert [f.image_path.suffix for f in open_drive(root).frames] == [".jpg", ".png", ".jpg", ".jpg"]
+
+
 class Hostile:
     """Would write a file when it is unpickled."""
 

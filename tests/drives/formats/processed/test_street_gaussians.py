@@ -155,6 +155,23 @@ def test_gaps_are_borne_and_told(tmp_path: Path) -> None:
     assert any("1 of 6 photographs have no pose" in n for n in drive.notices)
 
 
+def test_times_in_milliseconds_are_told_and_converted(tmp_path: Path) -> None:
+    root = write_segment(tmp_path / "segment")
+    seconds = [f.timestamp for f in open_drive(root).frames]
+    file = root / "timestamps.json"
+    stamps = {name: {k: 1000 * v for k, v in of.items()} for name, of in json.loads(file.read_text()).items()}
+    file.write_text(json.dumps(stamps))
+    drive = open_drive(root)
+    assert [f.timestamp for f in drive.frames] == pytest.approx(seconds)
+    assert "milliseconds and converted" in drive.notices[-1] and "LiDAR sweeps" in drive.notices[-1]
+
+
+def test_pictures_of_other_names_are_counted(tmp_path: Path) -> None:
+    root = write_segment(tmp_path / "segment")
+    (root / "images/000000_7.png").write_bytes(b"")
+    assert any("images/: 1 pictures are not named as" in n and "000000_7.png" in n for n in open_drive(root).notices)
+
+
 def test_a_time_stamp_that_is_no_number_is_named(tmp_path: Path) -> None:
     file = tmp_path / "timestamps.json"
     file.write_text('{"FRAME": {"0": 1e999}}')

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
+from unveil_core.drives.formats.on_disk.pictures import NamedFiles
+from unveil_core.drives.travel.stamps import stamp_of
 
 __all__ = ["Keys"]
 
@@ -50,11 +51,26 @@ class Keys:
             raise DriveError(f"{key}{where} is no number: {str(value)[:40]!r}", path=self.path, mend="correct it")
         return found
 
-    def file(self, key: str) -> Path | None:
-        """A path that the frame names, relative to the folder of the file, or None.
+    def stamp(self) -> float | None:
+        """The time stamp, in whatever unit: ``timestamp``, else ``time``; None where the frame has neither.
+
+        Raises:
+            DriveError: it is none.
+        """
+        key = "timestamp" if self.frame.get("timestamp") is not None else "time"
+        value = self.get(key)
+        found = None if value is None else stamp_of(value)
+        if value is not None and found is None:
+            where = f" of frame {self.name}" if self.name else ""
+            mend = "give seconds, or a date as 2026-01-31T12:00:00.5"
+            raise DriveError(f"{key}{where} is no number: {str(value)[:40]!r}", path=self.path, mend=mend)
+        return found
+
+    def file(self, files: NamedFiles, *keys: str) -> Path | None:
+        """The file that the frame names by the first of some keys that it has, or None.
 
         Raises:
             DriveError: it is no name of a file.
         """
-        value = self.frame.get(key)
-        return named_path(self.path.parent, value, self.path, key) if value else None
+        key = next((k for k in keys if self.frame.get(k)), None)
+        return None if key is None else files.file(self.frame[key], key)

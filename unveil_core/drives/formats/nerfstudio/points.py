@@ -13,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
-from unveil_core.drives.drive import PointCloud
-from unveil_core.drives.formats.colmap import find_model, read_model_points
+from unveil_core.drives.drive import Frame, PointCloud
+from unveil_core.drives.formats.colmap.model import read_model_points
+from unveil_core.drives.formats.colmap.models import find_model, model_folders, model_of_pictures
 from unveil_core.drives.formats.nerfstudio.keys import Keys
+from unveil_core.drives.formats.on_disk.pictures import NamedFiles
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
 
@@ -42,29 +43,34 @@ class NamedPoints:
     notice: str | None = None
 
 
-def read_named_points(keys: Keys, cameras: Sequence[Camera]) -> NamedPoints | None:
+def read_named_points(keys: Keys, frames: Sequence[Frame]) -> NamedPoints | None:
     """Points that the file names, else those of a COLMAP model beside it, None where there are neither.
 
     Args:
-        keys: of the file; cameras: of its frames.
+        keys: of the file; frames: that it has.
     Raises:
         DriveError: points that cannot be read, or an ``applied_transform`` that is none.
     """
     applied = _applied(keys)
-    root = keys.path.parent
+    root, cameras = keys.path.parent, [f.camera for f in frames]
     if keys.get("ply_file_path"):
-        path = named_path(root, keys.get("ply_file_path"), keys.path, "ply_file_path")
+        path = NamedFiles(keys.path).file(keys.get("ply_file_path"), "ply_file_path")
         found = read_points(path)
         if applied is None and find_model(root / "colmap") is not None:
             applied = COLMAP_TO_SAVED
         return _placed(found, cameras, applied, (path,), saved=True)
-    model = find_model(root) or find_model(root / "colmap")
+    folders = model_folders(root) or model_folders(root / "colmap")
+    model = model_of_pictures(folders, [f.image_path.name for f in frames])
     if model is None:
         return None
     sources = tuple(sorted(p for p in model.iterdir() if p.stem == "points3D"))
-    return _placed(
+    placed = _placed(
         read_model_points(model), cameras, COLMAP_TO_SAVED if applied is None else applied, sources, saved=False
     )
+    if len(folders) == 1:
+        return placed
+    told = f"points are those of {model.relative_to(root).as_posix()}, of {len(folders)} COLMAP models; ply_file_path decides"
+    return replace(placed, notice=told if placed.notice is None else f"{placed.notice}; {told}")
 
 
 def _applied(keys: Keys) -> Float64 | None:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
@@ -92,7 +93,7 @@ def recognizes(path: Path) -> bool:
 
 def scenes(path: Path) -> list[str]:
     """Names of the scenes of all versions that a folder holds."""
-    return sorted({name for folder in table_folders(path) for name in scene_names(folder)})
+    return sorted({name for folder in table_folders(path) for name in scene_names(folder)}, key=natural_key)
 
 
 def read_nuscenes(path: Path, scene: str) -> Drive:

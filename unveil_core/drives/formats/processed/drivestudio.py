@@ -20,12 +20,14 @@ from typing import Any
 
 import numpy as np
 
+from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, scenes_of
+from unveil_core.drives.formats.on_disk.pictures import pictures_in
 from unveil_core.drives.formats.processed.lidar_columns import OF_WAYMO, WITHOUT_ORIGIN, read_sweep
 from unveil_core.drives.formats.processed.object_classes import class_of
 from unveil_core.drives.formats.processed.shared import MEND, Boxes, Matrices, boxes_of_track, lens
@@ -72,13 +74,14 @@ def read_drivestudio(path: Path, scene: str = ".") -> Drive:
     images = sorted(
         (int(m[2]), int(m[1]), p) for p in (root / "images").iterdir() if (m := IMAGE.fullmatch(p.name)) is not None
     )
+    others = [n for n in pictures_in(root / "images") if IMAGE.fullmatch(n) is None]
     if not images:
         raise DriveError("has no photographs as 000_0.jpg", path=root / "images", mend=MEND)
     poses = _Poses(root)
     boxes = _boxes(root / "instances/instances_info.json", poses)
     rate = _rate(root)
     frames: list[Frame] = []
-    notices: list[str] = []
+    notices = [f"images/: {len(others)} pictures are not named as 000_0.jpg, the first {others[0]}"] if others else []
     for number in sorted({camera for camera, *_ in images}):
         own = [(frame, p) for camera, frame, p in images if camera == number]
         there = _camera_frames(root, str(number), own, poses, boxes, rate)
@@ -89,7 +92,9 @@ def read_drivestudio(path: Path, scene: str = ".") -> Drive:
         raise DriveError("has no poses for its photographs", path=root, mend=MEND)
     sweeps = []
     widths = OF_WAYMO if poses.of_waymo else WITHOUT_ORIGIN
-    files = sorted((root / "lidar").glob("*.bin")) if (root / "lidar").is_dir() else []
+    files = (
+        sorted((root / "lidar").glob("*.bin"), key=lambda p: natural_key(p.name)) if (root / "lidar").is_dir() else []
+    )
     for file in files:
         pose = poses.of_lidar(file.stem)
         if pose is not None and file.stem.isdigit():

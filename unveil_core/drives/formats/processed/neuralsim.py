@@ -32,6 +32,8 @@ __all__ = ["is_one", "read_neuralsim", "recognizes", "scenes"]
 
 FRONT = "camera_FRONT"
 SCENARIO = "scenario.pt"
+SUFFIXES = (".jpg", ".png", ".jpeg")
+"""Of photographs: JPEG as prepared, others in copies."""
 MEND = "prepare the segment again"
 BOX_CLASSES = {"Vehicle": "car", "Pedestrian": "person", "Cyclist": "rider"}
 """Cityscapes classes of objects; "unknown" and "Sign" stay in the street."""
@@ -160,8 +162,9 @@ def _camera_frames(root: Path, camera: _Observer, stamps: dict[int, float], boxe
     frames = []
     for i, number in enumerate(camera.numbers):
         name = f"{number:08d}"
-        image = root / "images" / camera.name / f"{name}.jpg"
-        if not image.is_file():
+        stem = root / "images" / camera.name / name
+        image = next((p for s in SUFFIXES if (p := stem.with_suffix(s)).is_file()), None)
+        if image is None:
             continue
         pose = rigid(poses[i], camera.path, f"the pose of frame {name} of {camera.name}")
         # Waymo counts the principal point from the edge of the first pixel.

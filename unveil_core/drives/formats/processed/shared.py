@@ -6,18 +6,24 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox, boxes_at
 from unveil_core.drives.drive import Distortion
 from unveil_core.drives.formats.cameras import read_numbers, rigid
 
-__all__ = ["Boxes", "Matrices", "boxes_near", "boxes_of_track", "lens"]
+__all__ = ["Boxes", "Matrices", "boxes_near", "boxes_of_track", "by_numbers", "lens"]
 
 Boxes = dict[int, tuple[TrackedBox, ...]]
 """By frame number."""
 MEND = "prepare the scene again"
 SAME_CLOCK_S = 1.0
 """Boxes are of a frame, cameras a few hundredths of a second beside it; further apart the time stamps are of other clocks."""
+
+
+def by_numbers(folder: Path) -> list[Path]:
+    """What is in a folder, numbers in names as numbers; nothing of one that is not there."""
+    return sorted(folder.iterdir(), key=lambda p: natural_key(p.name)) if folder.is_dir() else []
 
 
 class Matrices:

@@ -23,6 +23,7 @@ from unveil_core.base.files import read_json, read_text
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, scenes_of
+from unveil_core.drives.formats.on_disk.pictures import pictures_in
 from unveil_core.drives.formats.processed.object_classes import class_of
 from unveil_core.drives.formats.processed.shared import (
     MEND,
@@ -30,6 +31,7 @@ from unveil_core.drives.formats.processed.shared import (
     Matrices,
     boxes_near,
     boxes_of_track,
+    by_numbers,
     lens,
 )
 from unveil_core.drives.formats.safe_pickle import read_archived_object
@@ -69,7 +71,7 @@ def read_street_gaussians(path: Path, scene: str = ".") -> Drive:
     """
     root = path / scene
     images = root / "images"
-    found = [(p, m) for p in (sorted(images.iterdir()) if images.is_dir() else []) if (m := IMAGE.fullmatch(p.name))]
+    found = [(p, m) for p in by_numbers(images) if (m := IMAGE.fullmatch(p.name))]
     if not found:
         raise DriveError("has no photographs as 000000_0.png", path=images, mend=MEND)
     matrices = Matrices(root)
@@ -82,10 +84,15 @@ def read_street_gaussians(path: Path, scene: str = ".") -> Drive:
     if not frames:
         raise DriveError("has no poses for its photographs", path=root / "ego_pose", mend=MEND)
     notices = [f"{len(found) - len(frames)} of {len(found)} photographs have no pose"] * (len(frames) < len(found))
+    others = [n for n in pictures_in(images) if IMAGE.fullmatch(n) is None]
+    if others:
+        notices.append(
+            f"images/: {len(others)} pictures are not named as 000000_0.png, cameras 0 to 4, the first {others[0]}"
+        )
     notices += [] if boxes else ["the scene has no boxes of objects"]
     cloud = root / "pointcloud.npz"
     sweeps = []
-    for file in sorted((root / "ego_pose").iterdir()):
+    for file in by_numbers(root / "ego_pose"):
         pose = matrices.matrix(f"ego_pose/{file.name}") if file.stem.isdigit() and file.suffix == ".txt" else None
         if pose is not None:
             number = int(file.stem)

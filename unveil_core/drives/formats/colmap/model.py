@@ -1,9 +1,13 @@
-"""COLMAP models, binary and text. Formats as COLMAP's documentation describes them; pixel centres are at + 0.5 there too."""
+"""The files of a COLMAP model, binary and text, as COLMAP's documentation describes them; pixel centres are at + 0.5 there, too.
+
+COLMAP reads an image's line, then the line after it as the image's observations, which may be empty, and skips empty lines
+before an image. Programs and people leave the second lines out: what is a line of observations is seen by what is in it.
+"""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -11,16 +15,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.disk.open_safely import LARGEST_FILE, read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
-from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
-from unveil_core.geometry.camera import Camera
+from unveil_core.drives.drive import Distortion, PointCloud
 from unveil_core.geometry.lens import FISHEYE
 from unveil_core.geometry.transforms import quat_to_rotation
 
-__all__ = ["find_model", "has_model", "read_colmap", "read_model_points"]
+__all__ = ["Lens", "ModelImage", "read_cameras", "read_images", "read_model_points"]
 
 # model id: (name, parameters)
 _MODELS = {
@@ -43,7 +45,7 @@ _N = TypeVar("_N", int, float)
 
 
 @dataclass(frozen=True)
-class _Lens:
+class Lens:
     model: str
     width: int
     height: int
@@ -64,19 +66,15 @@ class _Lens:
         return intrinsics, None if distortion.is_zero else distortion
 
 
-def find_model(path: Path) -> Path | None:
-    """The folder of a COLMAP model at or under ``path`` in one of the usual places."""
-    for place in ("", "sparse/0", "sparse", "colmap/sparse/0"):
-        folder = path / place
-        if any((folder / f"images{suffix}").is_file() for suffix in (".bin", ".txt")):
-            return folder
-    return None
+@dataclass(frozen=True, eq=False)
+class ModelImage:
+    """Attributes:
+    name: of its file, relative to ``images/``; camera: id of its lens; world_to_camera: (4, 4).
+    """
 
-
-def has_model(path: Path) -> bool:
-    """Whether a folder is, or holds in one of the usual places, a model with cameras, not only files of such a name."""
-    folder = find_model(path)
-    return folder is not None and any((folder / f"cameras{suffix}").is_file() for suffix in (".bin", ".txt"))
+    name: str
+    camera: int
+    world_to_camera: NDArray[np.float64]
 
 
 class _Bytes:
@@ -136,6 +134,25 @@ class _Line:
             raise self.wrong(f"{names} are expected, the line ends after {len(self.words)} of {stop} words")
         return found
 
+    @property
+    def is_image(self) -> bool:
+        """Whether it is meant as an image's line: it begins with an id and ends with a name, and is not numbers by threes."""
+        words = self.words
+        return len(words) >= 9 and words[0].isdigit() and (len(words) % 3 != 0 or not self.is_numbers)
+
+    @property
+    def is_of_no_image(self) -> bool:
+        """Whether these are observations whose image's line was taken out: places in fractions of pixels, by threes."""
+        return len(self.words) % 3 == 0 and not self.words[0].isdigit() and self.is_numbers
+
+    @property
+    def is_numbers(self) -> bool:
+        """Whether all words are numbers."""
+        try:
+            return len([float(word) for word in self.words]) > 0
+        except ValueError:
+            return False
+
     def wrong(self, problem: str) -> DriveError:
         """The error that names the line."""
         return DriveError(f"line {self.number}: {problem}", path=self.path, mend=MEND)
@@ -145,11 +162,11 @@ def _lines(path: Path) -> Iterator[_Line]:
     """Lines without comments, empty ones among them: an image without observations has an empty second line."""
     text = read_text(path, "a COLMAP model has cameras, images and points3D", most=LARGEST_MODEL)
     for number, line in enumerate(text.split("\n"), 1):
-        if not line.startswith("#"):
+        if not line.lstrip().startswith("#"):
             yield _Line(path, number, line.split())
 
 
-def _lens(path: Path, model: str, width: int, height: int, parameters: tuple[float, ...]) -> _Lens:
+def _lens(path: Path, model: str, width: int, height: int, parameters: tuple[float, ...]) -> Lens:
     if model not in _BY_NAME:
         raise DriveError(f"camera model {model} is not known", path=path, mend="undistort the images with COLMAP first")
     if len(parameters) != _BY_NAME[model]:
@@ -162,10 +179,10 @@ def _lens(path: Path, model: str, width: int, height: int, parameters: tuple[flo
     ):
         problem = f"has numbers that make no camera: {width}x{height} pixels, {' '.join(map(str, parameters))[:100]}"
         raise DriveError(problem, path=path, mend=MEND)
-    return _Lens(model, width, height, parameters)
+    return Lens(model, width, height, parameters)
 
 
-def _read_cameras(folder: Path) -> dict[int, _Lens]:
+def read_cameras(folder: Path) -> dict[int, Lens]:
     lenses = {}
     if (folder / "cameras.bin").is_file():
         stream = _Bytes(folder / "cameras.bin")
@@ -183,9 +200,13 @@ def _read_cameras(folder: Path) -> dict[int, _Lens]:
     return lenses
 
 
-def _read_images(folder: Path) -> list[tuple[str, int, NDArray[np.float64]]]:
-    """(name, camera id, world-to-camera) per image."""
-    found = []
+def read_images(folder: Path) -> list[ModelImage]:
+    """The images of the model in a folder, in the order of its file.
+
+    Raises:
+        DriveError: missing or damaged, or a pose that is none.
+    """
+    found: list[tuple[str, int, Sequence[float]]] = []
     if (folder / "images.bin").is_file():
         stream = _Bytes(folder / "images.bin")
         for _ in range(stream.take("<Q")[0]):
@@ -194,14 +215,12 @@ def _read_images(folder: Path) -> list[tuple[str, int, NDArray[np.float64]]]:
             stream.skip(24, stream.take("<Q")[0])  # the 2D observations are not needed
             found.append((name, values[8], values[1:8]))
     else:
-        rows = list(_lines(folder / "images.txt"))
-        for line in rows[::2]:  # every second line lists the observations
-            if line.words:
-                pose_numbers = line.numbers(float, "qw qx qy qz tx ty tz", 1, 8)
-                (camera,) = line.numbers(int, "a camera's id", 8, 9)
-                if len(line.words) < 10:
-                    raise line.wrong("the image's name is missing")
-                found.append((" ".join(line.words[9:]), camera, pose_numbers))
+        for line in _image_lines(folder / "images.txt"):
+            pose_numbers = line.numbers(float, "qw qx qy qz tx ty tz", 1, 8)
+            (camera,) = line.numbers(int, "a camera's id", 8, 9)
+            if len(line.words) < 10:
+                raise line.wrong("the image's name is missing")
+            found.append((" ".join(line.words[9:]), camera, pose_numbers))
     images = []
     for name, camera, numbers in found:
         if not np.isfinite(numbers).all() or not 1e-9 < np.linalg.norm(numbers[:4]) < 1e9:
@@ -210,12 +229,28 @@ def _read_images(folder: Path) -> list[tuple[str, int, NDArray[np.float64]]]:
             )
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = quat_to_rotation(numbers[:4]), numbers[4:]
-        images.append((name, camera, pose))
-    return sorted(images, key=lambda i: i[0])
+        images.append(ModelImage(name, camera, pose))
+    return images
+
+
+def _image_lines(path: Path) -> Iterator[_Line]:
+    """The lines of images, without those of observations, which may be missing."""
+    pending = empty = False  # of the image before, its observations are to come, after an empty line
+    for line in _lines(path):
+        if not line.words:
+            empty = pending
+        elif pending and not line.is_image and (not empty or line.is_numbers):
+            pending = empty = False
+        elif line.is_of_no_image:
+            continue
+        else:
+            pending, empty = True, False
+            yield line
 
 
 def read_model_points(folder: Path) -> PointCloud:
-    """The points of the model in a folder that at least three images agree on.
+    """The points of the model in a folder that at least three images agree on, and those that no image was needed for: points
+    without a track were measured and put into the model.
 
     Raises:
         DriveError: missing, damaged, or none.
@@ -233,64 +268,21 @@ def read_model_points(folder: Path) -> PointCloud:
             if line.words:
                 rows.append((*line.numbers(float, "x y z r g b error", 1, 8), (len(line.words) - 8) / 2))
     table = np.array(rows, dtype=np.float64).reshape(-1, 8)
-    good = np.isfinite(table).all(axis=1) & (table[:, 6] <= MAX_REPROJECTION_PX) & (table[:, 7] >= MIN_TRACK)
+    finite = np.isfinite(table[:, :6]).all(axis=1)
+    measured = finite & (table[:, 7] == 0)
+    agreed = finite & (table[:, 6] <= MAX_REPROJECTION_PX) & (table[:, 7] >= MIN_TRACK)
+    good = measured | agreed
+    if not good.any():
+        problem, mend = "holds no points", "export the model with its points, or put measured ones into it"
+        if len(table):
+            seen = int((table[:, 7] >= MIN_TRACK).sum())
+            problem = f"holds {len(table)} points, none of them seen by three images"
+            if seen:
+                right = f"none of these right to {MAX_REPROJECTION_PX:g} pixels"
+                problem = f"holds {len(table)} points, {seen} of them seen by three images, and {right}"
+            mend = "run the mapper with more overlap"
+        raise DriveError(problem, path=folder, mend=mend)
     table = table[good]
-    if not len(table):
-        raise DriveError(
-            "holds no points that three images agree on", path=folder, mend="run the mapper with more overlap"
-        )
-    return PointCloud(table[:, :3].copy(), table[:, 3:6].clip(0, 255).astype(np.uint8))
-
-
-def read_colmap(path: Path) -> Drive:
-    """Read a COLMAP model with its images and, where present, masks.
-
-    Images lie in ``images/`` of the folder that holds the model, masks in ``masks/NAME.png`` or ``masks/STEM.png`` (0 = remove).
-    The model knows neither scale nor up.
-    """
-    folder = find_model(path)
-    if folder is None:
-        raise DriveError(
-            "holds no COLMAP model", path=path, mend="sparse/0 with cameras, images and points3D is looked for"
-        )
-    root = path
-    while not (root / "images").is_dir() and root != root.parent and root != path.parent.parent.parent:
-        root = root.parent
-    if not (root / "images").is_dir():
-        raise DriveError("has no folder images/ beside its model", path=path)
-    lenses = _read_cameras(folder)
-    frames = []
-    for name, camera_id, pose in _read_images(folder):
-        if camera_id not in lenses:
-            raise DriveError(f"image {name} names camera {camera_id}, which is not there", path=folder)
-        lens = lenses[camera_id]
-        (fx, fy, cx, cy), distortion = lens.split()
-        named_path(root / "masks", f"{name}.png", folder, "an image's name")  # is the longest that is looked for
-        if not Path(name).name:
-            raise DriveError(f"an image's name is none of a file: {name[:40]!r}", path=folder, mend="correct it")
-        image = root / "images" / name
-        masks = (root / "masks" / f"{name}.png", (root / "masks" / name).with_suffix(".png"))
-        parent = Path(name).parent.as_posix()
-        frames.append(
-            Frame(
-                name=image.stem,
-                camera_name="camera" if parent == "." else parent.replace("/", "_"),
-                camera=Camera(lens.width, lens.height, fx, fy, cx, cy, pose),
-                image_path=image,
-                distortion=distortion,
-                mask_path=next((m for m in masks if m.is_file()), None),
-            )
-        )
-    if not frames:
-        raise DriveError("has no images", path=folder, mend="a drive needs at least one frame")
-    return Drive(
-        root=path,
-        frames=tuple(frames),
-        points=read_model_points(folder),
-        units_per_metre=None,
-        scale_source="",
-        up=None,
-        up_source="",
-        truth_root=root / "truth" if (root / "truth").is_dir() else None,
-        sources=tuple(sorted(p for p in folder.iterdir() if p.stem in ("cameras", "images", "points3D"))),
+    return PointCloud(
+        table[:, :3].copy(), table[:, 3:6].clip(0, 255).astype(np.uint8), bool(measured.sum() * 2 > good.sum())
     )

@@ -1,0 +1,1 @@
+"""COLMAP models: their files, which of several is read, and the drive that is made of one."""
