@@ -110,6 +110,9 @@ def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
         "frames": None,
         "sweeps": "all",
         "labels": None,
+        "instance_maps": None,
+        "label_classes": None,
+        "mask_removes": None,
         "segmenter": None,
     }
     assert set(stages["segment"]["settings"]) >= {"movers"}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
+from unveil_core.base.drive_options import LABEL_CLASSES
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.base.wording import shown
 from unveil_core.pipeline.settings import MOVERS, ORDERS, POSES, QUALITIES, UPS
@@ -363,7 +364,25 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         "--labels",
         type=_file_or_none,
         metavar="FOLDER|none",
-        help="Cityscapes trainIds of the frames, as CAMERA/STEM.png, in the place of the drive's own",
+        help="label pictures of the frames, as CAMERA/STEM.png, in the place of the drive's own",
+    )
+    add(
+        "--instance-maps",
+        type=_file_or_none,
+        metavar="FOLDER|none",
+        help="pictures of the ids of single objects, named likewise",
+    )
+    add(
+        "--label-classes",
+        type=_name_or_auto,
+        metavar="NAME|auto",
+        help=f"what label pictures hold: {', '.join(LABEL_CLASSES)}; by default what their values tell",
+    )
+    add(
+        "--mask-removes",
+        type=_name_or_auto,
+        metavar="black|white|auto",
+        help="which part of a mask is removed; by default black, as nerfstudio and COLMAP have it",
     )
     add(
         "--segmenter",

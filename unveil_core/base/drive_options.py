@@ -7,9 +7,23 @@ from dataclasses import dataclass
 
 from unveil_core.base.errors import SettingsError
 
-__all__ = ["ALL_SWEEPS", "KEY_SWEEPS", "DriveOptions", "frame_numbers", "frame_range"]
+__all__ = [
+    "ALL_SWEEPS",
+    "KEY_SWEEPS",
+    "LABEL_CLASSES",
+    "MASK_REMOVES",
+    "DriveOptions",
+    "frame_numbers",
+    "frame_range",
+]
 
 ALL_SWEEPS, KEY_SWEEPS = "all", "key"
+LABEL_CLASSES = (
+    "cityscapes", "cityscapes-ids", "cityscapes-colours", "ade20k", "ade20k-from-1", "ade20k-colours", "mapillary", "carla",
+    "coco", "voc", "waymo", "waymo-28",
+)  # fmt: skip
+"""What pictures of classes may hold, by name; ``drives.labels.orders`` has the numbers, ``drives.labels.colours`` the colours."""
+MASK_REMOVES = ("black", "white")
 
 
 @dataclass(frozen=True)
@@ -19,7 +33,10 @@ class DriveOptions:
     cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
     frames: "A:B:STEP" as in Python, counted in each camera's order of time, several with commas between; None for all.
     sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
-    labels: path of a folder of label pictures in the place of the drive's own, see ``drives.importing.label_folder``; None = none.
+    labels: path of a folder of label pictures in the place of the drive's own, see ``drives.labels.folders``; None = none.
+    instance_maps: path of a folder of instance maps, likewise.
+    label_classes: what pictures of classes hold, one of ``drives.labels.codes.LABEL_CLASSES``; None = as their values tell.
+    mask_removes: "black" or "white", which of a mask is removed; None = black, as nerfstudio and COLMAP have it.
 
     Raises:
         SettingsError: frames that are no range, or unknown sweeps.
@@ -30,12 +47,21 @@ class DriveOptions:
     frames: str | None = None
     sweeps: str = ALL_SWEEPS
     labels: str | None = None
+    instance_maps: str | None = None
+    label_classes: str | None = None
+    mask_removes: str | None = None
 
     def __post_init__(self) -> None:
         if self.frames is not None:
             frame_numbers(self.frames, 0)
         if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not re.fullmatch(r"0*[1-9]\d{0,8}", self.sweeps, re.ASCII):
             raise SettingsError(f"unknown sweeps {self.sweeps!r}", mend="use all, key, or a number N for each N-th")
+        for name, given, known in (
+            ("label_classes", self.label_classes, LABEL_CLASSES),
+            ("mask_removes", self.mask_removes, MASK_REMOVES),
+        ):
+            if given is not None and given not in known:
+                raise SettingsError(f"unknown {name} {given!r}", mend=f"use one of {', '.join(known)}")
 
 
 def frame_numbers(text: str, count: int) -> list[int]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.labels.codes import LabelCodes
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 
@@ -95,9 +96,9 @@ class Frame:
         camera: intrinsics and pose; pose in the drive's local coordinates.
         image_path: the photograph.
         distortion: lens distortion of the file on disk, None once undistorted.
-        semantic_path: 8-bit PNG of Cityscapes trainIds (255 void), or None.
-        instance_path: 16-bit PNG of instance ids (0 none), or None.
-        mask_path: 8-bit PNG, 0 = remove, or None.
+        semantic_path: picture of classes, or None. instance_path: of instance ids, or None. mask_path: of what is removed, or None.
+            ``drives.labels.reading`` reads them.
+        codes: what these pictures hold; imported ones Cityscapes trainIds (255 void), ids (0 none) and 0 = remove.
         depth_path: depth file named by the drive, or None.
         timestamp: seconds, or None.
         boxes: of tracked objects at this frame's time, where the drive has any.
@@ -125,6 +126,7 @@ class Frame:
     ego_path: Path | None = None
     footage: Footage | None = None
     ego_rows: int = 0
+    codes: LabelCodes = field(default_factory=LabelCodes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,8 @@ LEAST_MEMORY = 64 << 20
 """Fewest bytes for the frames of a stage: a few of 1920x1280 with all that training asks of them."""
 MOST_GROWN_PX = 200
 """By which an object's mask may be enlarged: a tenth of the width of full HD."""
+OF_DRIVES = ("scene", "cameras", "frames", "sweeps", "labels", "instance_maps", "label_classes", "mask_removes")
+"""Settings that tell which part of a drive is read, and how, see ``base.drive_options.DriveOptions``."""
 UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 
@@ -66,7 +68,10 @@ class RunSettings:
         work_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
             ``pipeline.steps.import_.WORKING_SIZE_PX``.
         scene, cameras, frames, sweeps: which part of a dataset is read, see ``base.drive_options.DriveOptions``.
-        labels: path of a folder of label pictures for the frames, likewise, made absolute; None = the drive's own.
+        labels, instance_maps: paths of folders of label pictures and instance maps for the frames, likewise, made absolute; None =
+            the drive's own.
+        label_classes, mask_removes: what pictures of classes hold and which end of a mask is removed, likewise; None = as their
+            values tell, and black.
         memory: how much the frames that a stage holds may take, as "4G" or "512M" (see ``base.frame_cache``); results do not depend
             on it.
         segmenter: path of an ONNX file that labels the frames (see ``labelling.segmenter``), made absolute; None = the labels
@@ -118,6 +123,9 @@ class RunSettings:
     frames: str | None = None
     sweeps: str = ALL_SWEEPS
     labels: str | None = None
+    instance_maps: str | None = None
+    label_classes: str | None = None
+    mask_removes: str | None = None
     segmenter: str | None = None
     memory: str = "4G"
 
@@ -129,7 +137,7 @@ class RunSettings:
         _ = self.drive_options  # which are checked where they are made
         if self.labels is not None and self.segmenter is not None:
             raise SettingsError("labels come from a folder and from a network", mend="give --labels or --segmenter")
-        for name in ("marked", "corrections", "labels"):
+        for name in ("marked", "corrections", "labels", "instance_maps"):
             if (given := getattr(self, name)) is not None:
                 object.__setattr__(self, name, str(Path(given).expanduser().absolute()))
         for name, path in self.networks.items():  # a later call may come from another folder
@@ -214,11 +222,21 @@ class RunSettings:
     @property
     def drive_options(self) -> DriveOptions:
         """Which part of the drive is read."""
-        return DriveOptions(self.scene, self.cameras, self.frames, self.sweeps, self.labels)
+        return DriveOptions(
+            self.scene,
+            self.cameras,
+            self.frames,
+            self.sweeps,
+            labels=self.labels,
+            instance_maps=self.instance_maps,
+            label_classes=self.label_classes,
+            mask_removes=self.mask_removes,
+        )
 
     def without_drive_options(self) -> RunSettings:
         """The same for another drive, that is read whole and has its labels."""
-        return replace(self, scene=None, cameras=(), frames=None, sweeps=ALL_SWEEPS, labels=None, segmenter=None)
+        usual = RunSettings()
+        return replace(self, **{name: getattr(usual, name) for name in (*OF_DRIVES, "segmenter")})
 
     @property
     def files(self) -> dict[str, Path]:

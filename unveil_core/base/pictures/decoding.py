@@ -9,6 +9,7 @@ written where they must not.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import is_out_of_memory
-from unveil_core.base.pictures.headers import OTHERS, Header, format_of, header_of
+from unveil_core.base.pictures.headers import OTHERS, Header, format_of, header_of, is_lossy
+from unveil_core.base.pictures.palettes import indexed
 
 __all__ = [
+    "Values",
     "decode_image",
     "decode_unchanged",
     "read_image",
@@ -29,6 +32,7 @@ __all__ = [
     "read_instance_image",
     "read_label_image",
     "read_unchanged",
+    "read_values",
     "size_of_image",
 ]
 
@@ -193,6 +197,47 @@ def read_label_image(path: Path, size: tuple[int, int] | None = None) -> NDArray
     if image.dtype != np.uint8:
         raise DriveError(f"has {image.dtype} pixels", path=path, mend="labels and masks are 8-bit PNGs")
     return np.ascontiguousarray(image)
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """What a picture holds, before anybody says what its numbers mean.
+
+    Attributes:
+        pixels: (H, W), or (H, W, C) with C of 3 RGB or 4 RGBA; 8 or 16 bits. Of a picture with a palette the numbers of that.
+        palette: (N, 3) uint8 RGB; None where there is none.
+        lossy: its format changes numbers a little, as JPEG does.
+    """
+
+    pixels: NDArray[np.uint8] | NDArray[np.uint16]
+    palette: NDArray[np.uint8] | None = None
+    lossy: bool = False
+
+
+def read_values(path: Path, size: tuple[int, int] | None = None) -> Values:
+    """The numbers of a label picture or a mask as its file has them.
+
+    Args:
+        size: see :func:`decode_image`.
+    Raises:
+        DriveError: missing, unreadable, of another size, or with other numbers than whole ones of 8 or 16 bits.
+    """
+    content = _content_of(path)
+    lossy = is_lossy(content)
+    _header(content, path)
+    own = indexed(content)
+    if own is not None:
+        numbers = _decode(own.grey, path, cv2.IMREAD_UNCHANGED, size)
+        if numbers.ndim == 2 and numbers.dtype == np.uint8:
+            numbers = numbers // own.step
+            if int(numbers.max(initial=0)) < len(own.palette):
+                return Values(np.asarray(numbers, np.uint8), own.palette)
+    image = _decode(content, path, cv2.IMREAD_UNCHANGED, size)
+    if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
+        raise DriveError(f"has {image.dtype} pixels", path=path, mend="labels and masks are pictures of 8 or 16 bits")
+    order = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
+    pixels: Any = cv2.cvtColor(image, order[image.shape[2]]) if image.ndim == 3 else image
+    return Values(pixels, None, lossy)
 
 
 def read_instance_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint16]:

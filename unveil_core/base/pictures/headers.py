@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from unveil_core.base.pictures.tiff_header import TIFF, TiffHeader, tiff_header
 
-__all__ = ["OTHERS", "Header", "format_of", "header_of"]
+__all__ = ["BMP", "MOST_CHUNKS", "OTHERS", "PNG", "Header", "format_of", "header_of", "is_lossy"]
 
 PNG = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
@@ -44,6 +44,8 @@ BMP_BITS = (1, 4, 8, 16, 24, 32)
 BMP_PLAIN = (0, 3)
 """Of its kinds of compression those that are none: as they are, and with masks of the channels."""
 RIFF = b"RIFF"
+WEBP_HEAD = 1 << 16
+"""Bytes of a WebP in which the kind of its picture is told: profiles may come before."""
 OTHERS = (
     (b"\0\0\0\x0cjP  \r\n\x87\n", "JPEG 2000"),
     (b"\xff\x4f\xff\x51", "JPEG 2000"),
@@ -98,6 +100,12 @@ def header_of(content: bytes) -> Header | None:
     """
     read = {"PNG": _png, "JPEG": _jpeg, "TIFF": _tiff, "BMP": _bmp, "WebP": _webp}.get(format_of(content) or "")
     return None if read is None else read(content)
+
+
+def is_lossy(content: bytes) -> bool:
+    """Whether a picture is of a format that changes its numbers a little: a JPEG, or a WebP that is not marked as exact."""
+    kind = format_of(content)
+    return kind == "JPEG" or (kind == "WebP" and b"VP8 " in content[12:WEBP_HEAD])
 
 
 def _png(content: bytes) -> Header | None:

@@ -19,7 +19,7 @@ from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.formats.waymo import reading as waymo
 from unveil_core.drives.imported import is_imported, read_imported
-from unveil_core.drives.importing.label_folder import with_label_folder
+from unveil_core.drives.labels.understood import with_labels
 from unveil_core.drives.selecting import in_order_of_time, select_part
 
 __all__ = ["FORMATS", "Format", "drive_at", "open_drive"]
@@ -184,7 +184,7 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
     part = select_part(in_order_of_time(with_file_names(drive)), options)
-    return part if options.labels is None else with_label_folder(part, Path(options.labels))
+    return with_labels(part, options, imported=kind.read is _read_workspace)
 
 
 def _scene(kind: Format, path: Path, scenes: list[str], wanted: str | None) -> str:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import LATEST_S, Drive, Frame
+from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_of
 from unveil_core.drives.photographs import photograph
 from unveil_core.geometry.transforms import nearest_rotation
 
@@ -45,11 +45,12 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
             raise DriveError(f"{frame.timestamp:g} is no time stamp (frame {frame.name})", path=drive.root, mend=mend)
         size = (frame.camera.width, frame.camera.height)
         photograph(frame)
-        for path in (frame.semantic_path, frame.mask_path):
-            if path is not None:
-                read_label_image(path, size)
+        if frame.semantic_path is not None:
+            semantics_of(frame, size, strict=True)
+        if frame.mask_path is not None:
+            mask_of(frame, size)
         if frame.instance_path is not None:
-            read_instance_image(frame.instance_path, size)
+            instances_of(frame, size)
         progress(done + 1, len(drive.frames), "checking files")
 
 
