@@ -113,6 +113,7 @@ def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
         "instance_maps": None,
         "label_classes": None,
         "mask_removes": None,
+        "pose_convention": None,
         "segmenter": None,
     }
     assert set(stages["segment"]["settings"]) >= {"movers"}

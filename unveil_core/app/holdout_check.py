@@ -165,7 +165,9 @@ def _checked(
         instances=(*recorded.instances, *ids) if added.choose_instances else recorded.instances,
     )
     # The drive with the cars is of this folder alone, as its workspace is: with other cars it is another drive.
-    workspace = run(folder / "drive", folder / "workspace", chosen, until="deliver", replace=True, reporter=reporter)
+    workspace = run(
+        folder / "drive", folder / "workspace", chosen, until="deliver", replace=True, yes=True, reporter=reporter
+    )
     found = measure_holdout(
         planted.frames, placed, drive, workspace.root, references=references, lpips=lpips, progress=_progress(reporter)
     )

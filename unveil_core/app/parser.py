@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
-from unveil_core.base.drive_options import LABEL_CLASSES
+from unveil_core.base.drive_options import LABEL_CLASSES, POSE_CONVENTIONS
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.base.wording import shown
 from unveil_core.pipeline.settings import MOVERS, ORDERS, POSES, QUALITIES, UPS
@@ -105,6 +105,7 @@ def _add_whole_runs(verbs: _Verbs) -> None:
                 "--preview", action="store_true", help="draw labels and objects over the frames: WORKSPACE/preview"
             )
         _add_replace(p, "give a workspace with results of another drive this one: they are replaced")
+        _add_yes(p)
         _add_settings(p)
         _add_common(p)
 
@@ -213,6 +214,7 @@ def _add_batch(verbs: _Verbs) -> None:
     p.add_argument("drives", type=Path, nargs="+", metavar="DRIVE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="of the batch and the workspaces")
     _add_replace(p, "write over the batch.json of other drives, or of another program")
+    _add_yes(p)
     _add_settings(p)
     _add_common(p)
     for name, text in (
@@ -290,6 +292,11 @@ def _add_common(p: argparse.ArgumentParser) -> None:
 def _add_replace(p: argparse.ArgumentParser, what: str) -> None:
     """Of a verb that otherwise refuses to write over what it did not make. One word for all of them."""
     p.add_argument("--replace", action="store_true", help=what)
+
+
+def _add_yes(p: argparse.ArgumentParser) -> None:
+    """Of a verb that asks before it begins what is most probably a mistake; without a terminal it ends instead."""
+    p.add_argument("--yes", action="store_true", help="go on where a check of the drive would ask")
 
 
 def _add_device(p: argparse.ArgumentParser) -> None:
@@ -400,6 +407,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         "--shadows",
         metavar="auto|off|AZIMUTH,ELEVATION",
         help="remove the shadows of removed objects, keep them, or give the direction to the sun, in degrees",
+    )
+    add(
+        "--pose-convention",
+        type=_name_or_auto,
+        metavar="NAME|auto",
+        help=f"what the matrices of poses are: {', '.join(POSE_CONVENTIONS)}; by default the format's habit",
     )
     add("--movers", choices=MOVERS, help="remove dynamic objects from every frame, or treat them as static")
     add("--poses", choices=POSES, help="refine the cameras where the photographs disagree with them, or keep them")

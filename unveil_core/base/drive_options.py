@@ -12,6 +12,7 @@ __all__ = [
     "KEY_SWEEPS",
     "LABEL_CLASSES",
     "MASK_REMOVES",
+    "POSE_CONVENTIONS",
     "DriveOptions",
     "frame_numbers",
     "frame_range",
@@ -24,6 +25,9 @@ LABEL_CLASSES = (
 )  # fmt: skip
 """What pictures of classes may hold, by name; ``drives.labels.orders`` has the numbers, ``drives.labels.colours`` the colours."""
 MASK_REMOVES = ("black", "white")
+POSE_CONVENTIONS = ("opengl", "opencv", "world-to-camera", "world-to-camera-opengl")
+"""What a matrix of a pose may be: camera to world with axes x right, y up, z back (nerfstudio, Blender) or x right, y down, z
+forward; world to camera with the latter (COLMAP) or the former."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,7 @@ class DriveOptions:
     instance_maps: path of a folder of instance maps, likewise.
     label_classes: what pictures of classes hold, one of ``drives.labels.codes.LABEL_CLASSES``; None = as their values tell.
     mask_removes: "black" or "white", which of a mask is removed; None = black, as nerfstudio and COLMAP have it.
+    pose_convention: what the matrices of poses are, one of ``POSE_CONVENTIONS``; None = what is the format's habit.
 
     Raises:
         SettingsError: frames that are no range, or unknown sweeps.
@@ -50,6 +55,7 @@ class DriveOptions:
     instance_maps: str | None = None
     label_classes: str | None = None
     mask_removes: str | None = None
+    pose_convention: str | None = None
 
     def __post_init__(self) -> None:
         if self.frames is not None:
@@ -59,6 +65,7 @@ class DriveOptions:
         for name, given, known in (
             ("label_classes", self.label_classes, LABEL_CLASSES),
             ("mask_removes", self.mask_removes, MASK_REMOVES),
+            ("pose_convention", self.pose_convention, POSE_CONVENTIONS),
         ):
             if given is not None and given not in known:
                 raise SettingsError(f"unknown {name} {given!r}", mend=f"use one of {', '.join(known)}")

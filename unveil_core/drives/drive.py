@@ -209,6 +209,7 @@ class Drive:
         notices: what a user should know of how it was read, one line each.
         frame_rate: of its cameras, frames a second, from their time stamps; None where they have none. Set by import.
         key_frames: names of the annotated frames, where a dataset distinguishes them; None = all.
+        pose_convention: in which the poses of its files were read, one of ``base.drive_options.POSE_CONVENTIONS``.
     """
 
     root: Path
@@ -227,6 +228,7 @@ class Drive:
     notices: tuple[str, ...] = ()
     frame_rate: float | None = None
     key_frames: frozenset[str] | None = None
+    pose_convention: str = "opencv"
 
 
 def tracks(drive: Drive) -> list[list[int]]:

@@ -25,7 +25,9 @@ LEAST_MEMORY = 64 << 20
 """Fewest bytes for the frames of a stage: a few of 1920x1280 with all that training asks of them."""
 MOST_GROWN_PX = 200
 """By which an object's mask may be enlarged: a tenth of the width of full HD."""
-OF_DRIVES = ("scene", "cameras", "frames", "sweeps", "labels", "instance_maps", "label_classes", "mask_removes")
+OF_DRIVES = (
+    "scene", "cameras", "frames", "sweeps", "labels", "instance_maps", "label_classes", "mask_removes", "pose_convention",
+)  # fmt: skip
 """Settings that tell which part of a drive is read, and how, see ``base.drive_options.DriveOptions``."""
 UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
@@ -72,6 +74,7 @@ class RunSettings:
             the drive's own.
         label_classes, mask_removes: what pictures of classes hold and which end of a mask is removed, likewise; None = as their
             values tell, and black.
+        pose_convention: what the matrices of poses are, likewise; None = what is the format's habit.
         memory: how much the frames that a stage holds may take, as "4G" or "512M" (see ``base.frame_cache``); results do not depend
             on it.
         segmenter: path of an ONNX file that labels the frames (see ``labelling.segmenter``), made absolute; None = the labels
@@ -126,6 +129,7 @@ class RunSettings:
     instance_maps: str | None = None
     label_classes: str | None = None
     mask_removes: str | None = None
+    pose_convention: str | None = None
     segmenter: str | None = None
     memory: str = "4G"
 
@@ -231,6 +235,7 @@ class RunSettings:
             instance_maps=self.instance_maps,
             label_classes=self.label_classes,
             mask_removes=self.mask_removes,
+            pose_convention=self.pose_convention,
         )
 
     def without_drive_options(self) -> RunSettings:

@@ -14,7 +14,7 @@ SETTINGS = frozenset(
     (
         "adapt", "baselines", "cameras", "corrections", "device", "frames", "inpainter", "instance_maps", "instances",
         "iterations", "keyframes", "label_classes", "labels", "marked", "mask_removes", "memory", "movers", "order",
-        "per_object", "poses", "quality", "reference_inpainter", "remove", "scale", "scene", "seed", "segmenter",
+        "per_object", "pose_convention", "poses", "quality", "reference_inpainter", "remove", "scale", "scene", "seed", "segmenter",
         "sh_degree", "shadows", "splats", "sweeps", "up", "work_side",
     )
 )  # fmt: skip

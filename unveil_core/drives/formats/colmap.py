@@ -15,6 +15,7 @@ from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.disk.open_safely import LARGEST_FILE, read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
+from unveil_core.drives.checks.conventions import WORLD_TO_CAMERA
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import FISHEYE
@@ -293,4 +294,5 @@ def read_colmap(path: Path) -> Drive:
         up_source="",
         truth_root=root / "truth" if (root / "truth").is_dir() else None,
         sources=tuple(sorted(p for p in folder.iterdir() if p.stem in ("cameras", "images", "points3D"))),
+        pose_convention=WORLD_TO_CAMERA,
     )

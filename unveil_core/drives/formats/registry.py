@@ -9,6 +9,7 @@ from pathlib import Path
 
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.drives.checks.conventions import with_pose_convention
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.file_names import with_file_names
 from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
@@ -36,6 +37,7 @@ class Format:
         read: the drive at a path, with all its cameras. Raises DriveError.
         scenes: names of the drives that a folder holds, where it may hold several; ``read`` then takes one of them.
         is_one: whether a folder is such a drive itself, by names alone; where a folder never holds several, ``recognizes``.
+        takes_convention: ``read`` takes the convention of poses, on which more depends than cameras.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Format:
     read: Callable[..., Drive]
     scenes: Callable[[Path], list[str]] | None = None
     is_one: Callable[[Path], bool] | None = None
+    takes_convention: bool = False
 
 
 def _read_workspace(folder: Path) -> Drive:
@@ -57,6 +60,7 @@ FORMATS: tuple[Format, ...] = (
         "transforms.json",
         lambda p: p.suffix.lower() == ".json" if p.is_file() else (p / "transforms.json").is_file(),
         read_transforms_json,
+        takes_convention=True,
     ),
     Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), _read_workspace, is_one=is_imported),
     Format(
@@ -180,7 +184,10 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         raise SettingsError(f"a drive of {kind.name} is one scene", mend="leave --scene out")
     with guarded(path, kind.name):
         scene = () if kind.scenes is None else (_scene(kind, path, kind.scenes(path), options.scene),)
-        drive = with_guarded_readers(kind.read(path, *scene), kind.name)
+        given = (options.pose_convention,) if kind.takes_convention else ()
+        drive = with_guarded_readers(kind.read(path, *scene, *given), kind.name)
+    if options.pose_convention is not None and not kind.takes_convention:
+        drive = with_pose_convention(drive, options.pose_convention)
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
     part = select_part(in_order_of_time(with_file_names(drive)), options)

@@ -1,6 +1,7 @@
 """Drives as nerfstudio / Instant-NGP ``transforms.json``, with Unveil's additions (all optional).
 
-Poses in the file are camera-to-world with OpenGL axes; they are turned to OpenCV here and nowhere else. Principal points count from
+Poses in the file are camera-to-world with OpenGL axes, unless the user says otherwise; they are turned to OpenCV here and nowhere
+else. Principal points count from
 the outer edge of the first pixel, as nerfstudio's rays do (pixel centres at + 0.5).
 """
 
@@ -19,6 +20,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import read_boxes
+from unveil_core.drives.checks.conventions import OPENGL, pose_in
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
 from unveil_core.drives.formats.cameras import ROTATION_TOLERANCE
 from unveil_core.drives.formats.nerfstudio.depth import assumed_unit, coarse_points, depth_sweeps
@@ -104,8 +106,8 @@ def _up_told(keys: Keys) -> Float64 | None:
     return np.asarray(up / np.linalg.norm(up))
 
 
-def _frames(top: dict[str, Any], path: Path) -> list[Frame]:
-    """The frames in the order of the file."""
+def _frames(top: dict[str, Any], path: Path, convention: str) -> list[Frame]:
+    """The frames in the order of the file, with poses in a convention."""
     entries = top["frames"]
     for i, entry in enumerate(entries):
         if not isinstance(entry, dict) or not entry.get("file_path"):
@@ -116,7 +118,8 @@ def _frames(top: dict[str, Any], path: Path) -> list[Frame]:
     frames = []
     for entry, image, camera_name, name in zip(entries, images, cameras, names, strict=True):
         keys = Keys(entry, top, path, name)
-        camera, distortion = read_lens(keys, image, pose_from_matrix(entry.get("transform_matrix"), path, name))
+        pose = pose_from_matrix(entry.get("transform_matrix"), path, name)
+        camera, distortion = read_lens(keys, image, pose_in(pose, convention))
         time = keys.number("timestamp") if entry.get("timestamp") is not None else keys.number("time")
         frames.append(
             Frame(
@@ -148,7 +151,7 @@ def _depth_unit(keys: Keys, frames: Sequence[Frame], notices: list[str]) -> floa
     return unit * (keys.number("applied_scale") or 1.0)
 
 
-def read_transforms_json(path: Path) -> Drive:
+def read_transforms_json(path: Path, pose_convention: str | None = None) -> Drive:
     """Read a drive.
 
     Scale: ``metric`` decides, where it is given: true, coordinates are metres; false, the scale is unknown. Without it the scale
@@ -163,6 +166,7 @@ def read_transforms_json(path: Path) -> Drive:
 
     Args:
         path: the JSON file, or the folder that holds it.
+        pose_convention: one of ``base.drive_options.POSE_CONVENTIONS``; None = "opengl".
     Raises:
         DriveError: with the file and the mend.
     """
@@ -173,7 +177,8 @@ def read_transforms_json(path: Path) -> Drive:
     keys = Keys({}, top, path)
     if "applied_scale" in top and not _is_scale(top["applied_scale"]):
         raise DriveError(f"applied_scale is no scale: {str(top['applied_scale'])[:40]!r}", path=path, mend="correct it")
-    frames = _frames(top, path)
+    pose_convention = pose_convention or OPENGL
+    frames = _frames(top, path, pose_convention)
     notices: list[str] = []
     cropped = crop_notice(keys.number("fisheye_crop_radius"), [(f.camera, f.distortion) for f in frames])
     notices += [] if cropped is None else [cropped]
@@ -213,4 +218,5 @@ def read_transforms_json(path: Path) -> Drive:
         sources=sources,
         sweeps=sweeps,
         notices=tuple(notices),
+        pose_convention=pose_convention,
     )

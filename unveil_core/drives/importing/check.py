@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
@@ -13,10 +15,23 @@ from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_o
 from unveil_core.drives.photographs import photograph
 from unveil_core.geometry.transforms import nearest_rotation
 
-__all__ = ["check_drive"]
+__all__ = ["Checked", "check_drive"]
 
 
-def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """What was seen of the labels while every file was decoded.
+
+    Attributes:
+        classes: (F, 256) pixels by trainId of each frame; 0 of one without a picture of classes.
+        masked: (F,) share of the pixels that the mask of each frame removes; NaN of one without.
+    """
+
+    classes: NDArray[np.int64]
+    masked: NDArray[np.float64]
+
+
+def check_drive(drive: Drive, progress: Progress = no_progress) -> Checked:
     """Decode every file of a drive and compare it with what the drive says of it.
 
     Raises:
@@ -29,6 +44,8 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
     if not len(drive.points.positions) and not drive.sweeps:
         raise DriveError("has no points", path=drive.root, mend="a drive needs LiDAR or SfM points")
     seen: set[tuple[str, str]] = set()
+    classes = np.zeros((len(drive.frames), 256), np.int64)
+    masked = np.full(len(drive.frames), np.nan)
     for done, frame in enumerate(drive.frames):
         key = (frame.camera_name, frame.name)
         if key in seen:
@@ -46,12 +63,13 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
         size = (frame.camera.width, frame.camera.height)
         photograph(frame)
         if frame.semantic_path is not None:
-            semantics_of(frame, size, strict=True)
+            classes[done] = np.bincount(semantics_of(frame, size, strict=True).ravel(), minlength=256)
         if frame.mask_path is not None:
-            mask_of(frame, size)
+            masked[done] = mask_of(frame, size).mean()
         if frame.instance_path is not None:
             instances_of(frame, size)
         progress(done + 1, len(drive.frames), "checking files")
+    return Checked(classes, masked)
 
 
 def _check_pose(frame: Frame, root: Path) -> None:

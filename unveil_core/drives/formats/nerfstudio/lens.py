@@ -15,7 +15,6 @@ from unveil_core.drives.drive import Distortion
 from unveil_core.drives.formats.cameras import picture_size
 from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.transforms import opengl_to_opencv, rigid_inverse
 
 __all__ = ["crop_notice", "read_lens"]
 
@@ -50,7 +49,7 @@ def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortio
     """The camera of a frame and its distortion.
 
     Args:
-        keys: of the frame; image: its photograph; pose: (4, 4) camera-to-world with OpenGL axes.
+        keys: of the frame; image: its photograph; pose: (4, 4) world to camera with OpenCV axes.
     Raises:
         DriveError: numbers that make no camera, or a model that is not read.
     """
@@ -68,8 +67,7 @@ def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortio
     cx, cy = width / 2 if cx is None else cx, height / 2 if cy is None else cy
     if not all(math.isfinite(v) for v in (fx, fy)) or fx <= 0 or fy <= 0 or width < 1 or height < 1:
         raise DriveError("has camera numbers that make no camera", path=image, mend="check w, h, fl_x, fl_y, cx, cy")
-    world_to_camera = rigid_inverse(opengl_to_opencv(pose))
-    return Camera(width, height, fx, fy, cx, cy, world_to_camera), _distortion(keys, image)
+    return Camera(width, height, fx, fy, cx, cy, pose), _distortion(keys, image)
 
 
 def _focal(side: int, angle: float | None) -> float | None:

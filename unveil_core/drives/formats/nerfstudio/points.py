@@ -16,19 +16,19 @@ import numpy as np
 from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
+from unveil_core.drives.checks.points_seen import seen_share
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.formats.colmap import find_model, read_model_points
 from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["NamedPoints", "read_named_points", "seen_share"]
+__all__ = ["NamedPoints", "read_named_points"]
 
 COLMAP_TO_SAVED = np.array([[0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]])
 """What nerfstudio takes for ``applied_transform`` where the file lacks it and a COLMAP model lies beside it."""
 CLEARLY = 0.05
 """Another reading of the points is believed if so much larger a share of them is seen."""
-TRIED_POINTS, TRIED_CAMERAS = 3000, 60
 
 
 @dataclass(frozen=True)
@@ -100,13 +100,3 @@ def _placed(
         which = "in the coordinates of the poses" if as_is else "as they were before applied_transform"
         notice = f"points are taken to be {which}: {shares}"
     return NamedPoints(cloud if as_is else moved, sources, notice)
-
-
-def seen_share(positions: Float64, cameras: Sequence[Camera]) -> float:
-    """Share of the points (P, 3) that lie in the picture of a camera, by a sample of both."""
-    points = positions[:: -(-len(positions) // TRIED_POINTS)]
-    seen = np.zeros(len(points), dtype=bool)
-    for camera in cameras[:: -(-len(cameras) // TRIED_CAMERAS)]:
-        pixels, depth = camera.project(points)
-        seen |= camera.in_picture(pixels, depth)
-    return float(seen.mean())
