@@ -21,6 +21,7 @@ from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import is_out_of_memory
 from unveil_core.base.pictures.headers import OTHERS, Header, format_of, header_of, is_lossy
+from unveil_core.base.pictures.orientation import SWAPS_SIDES, orientation_of
 from unveil_core.base.pictures.palettes import indexed
 
 __all__ = [
@@ -85,7 +86,7 @@ def _header(content: bytes, path: Path) -> Header:
 def _decode(content: bytes, path: Path, flags: int, size: tuple[int, int] | None = None) -> NDArray[np.generic]:
     """Decode a picture; ``size`` (width, height) is what its camera says, None = any."""
     header = _header(content, path)
-    _check_size(path, (header.width, header.height), size)
+    _check_size(path, (header.width, header.height), size, content)
     if header.width * header.height * header.pixel_bytes > MOST_BYTES:
         raise DriveError(
             f"claims {header.width}x{header.height} pixels of {header.pixel_bytes} bytes", path=path, mend=AGAIN
@@ -121,8 +122,20 @@ def decode_unchanged(content: bytes, path: Path, size: tuple[int, int] | None = 
     return _decode(content, path, cv2.IMREAD_UNCHANGED, size)
 
 
-def _check_size(path: Path, found: tuple[int, int], wanted: tuple[int, int] | None) -> None:
-    """Raise a DriveError where an image has another size (width, height) than its camera, or is too large for any."""
+def _check_size(path: Path, found: tuple[int, int], wanted: tuple[int, int] | None, content: bytes = b"") -> None:
+    """Raise a DriveError where an image has another size (width, height) than its camera, or is too large for any; ``content``: its
+    file, which may say that it is to be turned."""
+    if wanted is not None and found == wanted[::-1]:
+        turned, stored, shown = orientation_of(content), f"{found[0]}x{found[1]}", f"{wanted[0]}x{wanted[1]}"
+        if turned in SWAPS_SIDES:
+            problem = f"is {stored} pixels as it is stored, and {shown}, as its camera says, only as EXIF has it shown ({turned})"
+            mend = "calibrate the stored pixels and turn the poses with them, or turn the files themselves, as exiftran -ai does"
+        else:
+            problem, mend = (
+                f"is {stored} pixels, its camera says {shown}",
+                "width and height are swapped: correct w and h",
+            )
+        raise DriveError(problem, path=path, mend=mend)
     if wanted is not None and found != wanted:
         raise DriveError(
             f"is {found[0]}x{found[1]} pixels, its camera says {wanted[0]}x{wanted[1]}",

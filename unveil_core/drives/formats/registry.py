@@ -10,6 +10,7 @@ from pathlib import Path
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.checks.conventions import with_pose_convention
+from unveil_core.drives.checks.sizes import with_sizes_of_pictures
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.file_names import with_file_names
 from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
@@ -191,6 +192,7 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
     part = select_part(in_order_of_time(with_file_names(drive)), options)
+    part = part if kind.read is _read_workspace else with_sizes_of_pictures(part)
     return with_labels(part, options, imported=kind.read is _read_workspace)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
+from unveil_core.drives.checks.sizes import calibration_size
 from unveil_core.drives.drive import Distortion
 from unveil_core.drives.formats.cameras import picture_size
 from unveil_core.drives.formats.nerfstudio.keys import Keys
@@ -53,7 +54,10 @@ def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortio
     Raises:
         DriveError: numbers that make no camera, or a model that is not read.
     """
-    width, height = _size(keys, image)
+    (width, height), told = _size(keys, image)
+    cx, cy = keys.number("cx"), keys.number("cy")
+    if not told and cx is not None and cy is not None:
+        width, height = calibration_size((width, height), (cx, cy))
     focal_x, focal_y = keys.number("fl_x"), keys.number("fl_y")
     angle_x, angle_y = keys.number("camera_angle_x"), keys.number("camera_angle_y")
     fx = _focal(width, angle_x) if focal_x is None else focal_x
@@ -63,7 +67,6 @@ def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortio
         )
     fy = (_focal(height, angle_y) if focal_x is None else None) if focal_y is None else focal_y
     fy = fx if fy is None else fy
-    cx, cy = keys.number("cx"), keys.number("cy")
     cx, cy = width / 2 if cx is None else cx, height / 2 if cy is None else cy
     if not all(math.isfinite(v) for v in (fx, fy)) or fx <= 0 or fy <= 0 or width < 1 or height < 1:
         raise DriveError("has camera numbers that make no camera", path=image, mend="check w, h, fl_x, fl_y, cx, cy")
@@ -78,14 +81,14 @@ def _focal(side: int, angle: float | None) -> float | None:
     return side / (2 * half) if half > 0 else None  # of an angle that is all but 0, nothing is left
 
 
-def _size(keys: Keys, image: Path) -> tuple[int, int]:
-    """Width and height: as the file says, else of the picture, from its header."""
+def _size(keys: Keys, image: Path) -> tuple[tuple[int, int], bool]:
+    """Width and height, and whether the file says them; else they are the picture's, from its header."""
     width, height = keys.number("w"), keys.number("h")
     if width is not None and height is not None:
         if not (1 <= width <= MOST_PIXELS and 1 <= height <= MOST_PIXELS):
             raise DriveError(f"w and h are {width:g} and {height:g}", path=keys.path, mend="correct them")
-        return int(width), int(height)
-    return picture_size(image)
+        return (int(width), int(height)), True
+    return picture_size(image), False
 
 
 def _distortion(keys: Keys, image: Path) -> Distortion | None:

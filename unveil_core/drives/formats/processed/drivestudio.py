@@ -24,6 +24,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.checks.sizes import calibration_size
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, scenes_of
 from unveil_core.drives.formats.processed.lidar_columns import OF_WAYMO, WITHOUT_ORIGIN, read_sweep
@@ -168,7 +169,7 @@ def _camera_frames(
     k = poses.files.numbers(path)
     if len(k) < 4 or not np.isfinite(k).all():
         raise DriveError(f"{k} are not fx fy cx cy k1 k2 p1 p2 k3", path=path, mend=MEND)
-    size = picture_size(images[0][1])
+    size = calibration_size(picture_size(images[0][1]), (k[2], k[3]))
     frames = []
     for number, image in images:
         pose = poses.of_camera(image.stem.split("_")[0], camera)
