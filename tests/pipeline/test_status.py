@@ -104,6 +104,7 @@ def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
         "work_side": None,
         "quality": "standard",
         "scale": None,
+        "camera_height": None,
         "up": None,
         "scene": None,
         "cameras": [],

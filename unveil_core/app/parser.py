@@ -357,6 +357,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         metavar="UNITS_PER_METRE|auto",
         help="of the drive's coordinates, where they are not metres",
     )
+    add(
+        "--camera-height",
+        type=_metres,
+        metavar="METRES|auto",
+        help="of the cameras above the ground: the scale follows from it",
+    )
     add("--up", type=_axis, metavar="x|y|z|-x|-y|-z|auto", help="axis of the drive's coordinates that is up")
     add("--scene", type=_name_or_auto, metavar="NAME", help="of a dataset's folder that holds several drives")
     add("--cameras", type=_cameras, metavar="NAMES|all|auto", help="of a rig; by default a dataset's front camera")
@@ -462,6 +468,13 @@ def _scale(text: str) -> float | None:
         return None if text.strip() == "auto" else float(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} is no number of units in a metre, and not auto") from error
+
+
+def _metres(text: str) -> float | None:
+    try:
+        return None if text.strip() == "auto" else float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of metres, and not auto") from error
 
 
 def _axis(text: str) -> str | None:

@@ -45,7 +45,7 @@ STAGES: tuple[Stage, ...] = (
         later("import_"),
         (),
         ("drive",),
-        ("work_side", "quality", "scale", "up", *OF_DRIVES, "poses", "segmenter"),
+        ("work_side", "quality", "scale", "camera_height", "up", *OF_DRIVES, "poses", "segmenter"),
         outside=files_of_drive,
         check=check_segmenter,
     ),

@@ -88,7 +88,7 @@ def run(
             choose_labels(opened, settings.remove, listed)
     if settings.keyframes:
         named_frames(opened.frames, settings.keyframes)
-    placed = place_drive(opened, scale=settings.scale, up=settings.up)
+    placed = place_drive(opened, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
     findings = [] if checked is None else found_wrong(opened, placed, settings, checked)
     if findings and findings[0].asks and not yes:
         raise ConfirmError(

@@ -23,6 +23,8 @@ UPS = ("x", "y", "z", "-x", "-y", "-z")
 """Axes of a drive that may be up; the directions are ``drives.placement.UP_AXES``."""
 LEAST_MEMORY = 64 << 20
 """Fewest bytes for the frames of a stage: a few of 1920x1280 with all that training asks of them."""
+HEIGHTS_M = (0.05, 200.0)
+"""Of cameras above the ground: from toys to drones."""
 MOST_GROWN_PX = 200
 """By which an object's mask may be enlarged: a tenth of the width of full HD."""
 OF_DRIVES = (
@@ -64,6 +66,7 @@ class RunSettings:
         corrections: path of a JSON file of clean frames that a person mended (see ``corrections.files``); made absolute; None =
             none.
         scale: units of the drive's coordinates in a metre; None = as its files tell, else estimated.
+        camera_height: of the cameras above the ground, metres, from which the scale follows; None = it does not.
         up: the axis of the drive that is up, one of ``UPS``; None likewise.
         poses: "auto" refines the cameras' poses against the photographs where these clearly disagree with them (see
             ``drives.importing.refined_poses``), "given" keeps them.
@@ -120,6 +123,7 @@ class RunSettings:
     corrections: str | None = None
     per_object: tuple[str, ...] = ()
     scale: float | None = None
+    camera_height: float | None = None
     up: str | None = None
     scene: str | None = None
     cameras: tuple[str, ...] = ()
@@ -171,6 +175,11 @@ class RunSettings:
             raise SettingsError(
                 f"scale {self.scale:g} is out of range", mend="give the units in a metre, 0.000001 to 1,000,000"
             )
+        if self.camera_height is not None and not HEIGHTS_M[0] <= self.camera_height <= HEIGHTS_M[1]:
+            problem = f"camera_height {self.camera_height:g} is out of range"
+            raise SettingsError(problem, mend=f"give metres above the ground, {HEIGHTS_M[0]} to {HEIGHTS_M[1]:g}")
+        if self.camera_height is not None and self.scale is not None:
+            raise SettingsError("the scale is given twice", mend="give --scale or --camera-height")
         if (bytes_of(self.memory) or 0) < LEAST_MEMORY:
             raise SettingsError(
                 f"memory {self.memory!r} is too little, or no size", mend="use 64M or more, as 512M or 4G"

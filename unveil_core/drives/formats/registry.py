@@ -11,6 +11,7 @@ from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.checks.conventions import with_pose_convention
 from unveil_core.drives.checks.sizes import with_sizes_of_pictures
+from unveil_core.drives.checks.unread import unread
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.file_names import with_file_names
 from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
@@ -177,6 +178,8 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         raise DriveError("there is no such drive", path=path, mend="check the path")
     kind = next((f for f in FORMATS if f.recognizes(path)), None)
     if kind is None:
+        if (known := unread(path)) is not None:
+            raise DriveError(known.problem, path=path, mend=known.mend)
         if path.is_file():
             raise DriveError("is no drive", path=path, mend="give a transforms.json or a folder")
         looked_for = "; ".join(f.looked_for for f in FORMATS)

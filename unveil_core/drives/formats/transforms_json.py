@@ -25,7 +25,7 @@ from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
 from unveil_core.drives.formats.cameras import ROTATION_TOLERANCE
 from unveil_core.drives.formats.nerfstudio.depth import assumed_unit, coarse_points, depth_sweeps
 from unveil_core.drives.formats.nerfstudio.keys import Keys
-from unveil_core.drives.formats.nerfstudio.lens import crop_notice, read_lens
+from unveil_core.drives.formats.nerfstudio.lens import crop_notice, degrees_notice, read_lens
 from unveil_core.drives.formats.nerfstudio.points import read_named_points
 from unveil_core.drives.formats.nerfstudio.rig import camera_names, frame_names
 from unveil_core.geometry.transforms import nearest_rotation
@@ -182,6 +182,9 @@ def read_transforms_json(path: Path, pose_convention: str | None = None) -> Driv
     notices: list[str] = []
     cropped = crop_notice(keys.number("fisheye_crop_radius"), [(f.camera, f.distortion) for f in frames])
     notices += [] if cropped is None else [cropped]
+    angles = [e.get(k) for e in (top, *top["frames"]) for k in ("camera_angle_x", "camera_angle_y")]
+    degrees = degrees_notice(angles)
+    notices += [] if degrees is None or keys.get("fl_x") is not None else [degrees]
     points = PointCloud(np.zeros((0, 3)))
     sources: tuple[Path, ...] = (path,)
     sweeps: tuple[Sweep, ...] = ()

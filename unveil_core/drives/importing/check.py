@@ -42,7 +42,9 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> Checked:
         mend = "; ".join(drive.notices) or "a drive needs at least one frame"
         raise DriveError("has no frames", path=drive.root, mend=mend)
     if not len(drive.points.positions) and not drive.sweeps:
-        raise DriveError("has no points", path=drive.root, mend="a drive needs LiDAR or SfM points")
+        told = [n for n in drive.notices if "LiDAR" in n] or drive.notices
+        mend = "; ".join(told) or "a drive needs LiDAR or SfM points"
+        raise DriveError("has no points", path=drive.root, mend=mend)
     seen: set[tuple[str, str]] = set()
     classes = np.zeros((len(drive.frames), 256), np.int64)
     masked = np.full(len(drive.frames), np.nan)

@@ -34,7 +34,7 @@ def run(context: StageContext) -> Facts:
     settings = context.settings
     side = work_side_of(settings)
     drive = open_drive(context.drive, settings.drive_options)
-    placement = place_drive(drive, scale=settings.scale, up=settings.up)
+    placement = place_drive(drive, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
     folder = context.output("drive")
     imported = import_drive(
         drive,

@@ -7,6 +7,7 @@ which OpenCV cannot undistort; with k5 or k6 it is OpenCV's.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from unveil_core.base.errors import DriveError
@@ -17,7 +18,7 @@ from unveil_core.drives.formats.cameras import picture_size
 from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["crop_notice", "read_lens"]
+__all__ = ["crop_notice", "degrees_notice", "read_lens"]
 
 FISHEYE = "OPENCV_FISHEYE"
 MODELS = {
@@ -42,6 +43,8 @@ NO_PINHOLE = (
     "FISHEYE624",
 )
 """Models of nerfstudio that no pinhole picture of the same size can be made of."""
+LEAST_DEGREES, MOST_DEGREES = 10.0, 180.0
+"""Of a field of view that is meant in degrees: below, numbers beyond a half turn of radians are a mistake of another kind."""
 MOST_PIXELS = 1 << 20
 """Of a side of a picture."""
 
@@ -61,6 +64,9 @@ def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortio
     focal_x, focal_y = keys.number("fl_x"), keys.number("fl_y")
     angle_x, angle_y = keys.number("camera_angle_x"), keys.number("camera_angle_y")
     fx = _focal(width, angle_x) if focal_x is None else focal_x
+    if fx is None and angle_x is not None:
+        problem = f"camera_angle_x is {angle_x:g}, which is no field of view"
+        raise DriveError(problem, path=keys.path, mend="give radians, above 0 and below 3.14, or fl_x in pixels")
     if fx is None:
         raise DriveError(
             "has neither fl_x nor camera_angle_x", path=image, mend="add the focal length to transforms.json"
@@ -73,8 +79,20 @@ def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortio
     return Camera(width, height, fx, fy, cx, cy, pose), _distortion(keys, image)
 
 
+def degrees_notice(values: Sequence[object]) -> str | None:
+    """A line where fields of view, as a file has them, are taken for degrees; None where none is."""
+    odd = next((v for v in values if isinstance(v, int | float) and LEAST_DEGREES <= v < MOST_DEGREES), None)
+    return (
+        None
+        if odd is None
+        else f"camera_angle_x or camera_angle_y is {odd:g}: taken for degrees, {math.radians(odd):.4g} radians"
+    )
+
+
 def _focal(side: int, angle: float | None) -> float | None:
-    """Pixels, of a field of view in radians."""
+    """Pixels, of a field of view in radians; what is too much for these is taken for degrees."""
+    if angle is not None and LEAST_DEGREES <= angle < MOST_DEGREES:
+        angle = math.radians(angle)
     if angle is None or not 0 < angle < math.pi:
         return None
     half = math.tan(angle / 2)

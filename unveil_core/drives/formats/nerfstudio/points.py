@@ -54,10 +54,12 @@ def read_named_points(keys: Keys, cameras: Sequence[Camera]) -> NamedPoints | No
     root = keys.path.parent
     if keys.get("ply_file_path"):
         path = named_path(root, keys.get("ply_file_path"), keys.path, "ply_file_path")
-        found = read_points(path)
+        told: list[str] = []
+        found = read_points(path, told)
         if applied is None and find_model(root / "colmap") is not None:
             applied = COLMAP_TO_SAVED
-        return _placed(found, cameras, applied, (path,), saved=True)
+        placed = _placed(found, cameras, applied, (path,), saved=True)
+        return replace(placed, notice="; ".join([*told, *([placed.notice] if placed.notice else [])]) or None)
     model = find_model(root) or find_model(root / "colmap")
     if model is None:
         return None

@@ -39,6 +39,7 @@ OPENCV_FROM_WAYMO = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 
 """Turns a pose of a camera with axes x forward, y left, z up into one with OpenCV's, multiplied from the right."""
 UPRIGHT = 0.7
 """Least share of the camera's down, or up, along the world's for it to count as such: 45 degrees, where the other begins."""
+NO_SWEEPS = "the scene has no LiDAR sweeps: lidar/ is missing; prepare it with lidar among --process_keys, or copy that folder, too"
 FRAMES_PER_SECOND = 10.0
 """Of the datasets; nuScenes has 2 unless its folder is named for more. The layout keeps no times."""
 NUSCENES_FRAMES_PER_SECOND = 2.0
@@ -98,7 +99,7 @@ def read_drivestudio(path: Path, scene: str = ".") -> Drive:
             sweeps.append(Sweep(file, partial(read_sweep, file, pose, widths), frame / rate, boxes.get(frame, ())))
     if len(sweeps) < len(files):
         notices.append(f"{len(files) - len(sweeps)} of {len(files)} LiDAR sweeps have no pose")
-    notices += [] if files else ["the scene has no LiDAR sweeps"]
+    notices += [] if files else [NO_SWEEPS]
     notices += [] if boxes else ["the scene has no boxes of objects"]
     return Drive(
         root=root,
