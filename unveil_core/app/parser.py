@@ -71,6 +71,7 @@ def command_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"unveil {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, parser_class=_Parser, metavar="VERB")
     _add_whole_runs(verbs)
+    _add_check(verbs)
     _add_stages(verbs)
     _add_evaluate(verbs)
     _add_render(verbs)
@@ -108,6 +109,23 @@ def _add_whole_runs(verbs: _Verbs) -> None:
         _add_yes(p)
         _add_settings(p)
         _add_common(p)
+
+
+def _add_check(verbs: _Verbs) -> None:
+    p = verbs.add_parser("check", help="look at a drive before a run: what it is, what is assumed, what looks wrong")
+    p.add_argument("drive", type=Path)
+    p.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=None,
+        metavar="FILE.html",
+        help="the page, by default check_DRIVE.html here",
+    )
+    _add_replace(p, "write over a page that no check made")
+    _add_yes(p)
+    _add_settings(p)
+    _add_common(p)
 
 
 def _add_stages(verbs: _Verbs) -> None:

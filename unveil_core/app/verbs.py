@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from unveil_core.app.batch import run_batch_part
+from unveil_core.app.check import run_check
 from unveil_core.app.confirming import confirmed
 from unveil_core.app.console import reporting, say
 from unveil_core.app.given_settings import settings_of
@@ -247,6 +248,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "demo": _demo,
     "run": _run,
     "import": _import,
+    "check": run_check,
     **dict.fromkeys(STAGE_VERBS, _stage),
     "status": _status,
     "run-block": _run_block,

@@ -58,7 +58,7 @@ def read_points(path: Path, told: list[str] | None = None) -> PointCloud:
         raise DriveError(problem, path=path, mend="export it again") from error
     if not len(positions):
         raise DriveError("holds no points", path=path, mend="a drive needs LiDAR or SfM points")
-    finite: NDArray[np.bool_] = np.isfinite(positions).all(axis=1)
+    finite = np.asarray(np.isfinite(positions).all(axis=1))
     lost = int(len(finite) - finite.sum())
     if lost and (told is None or lost == len(finite)):
         problem = f"{lost} of {len(finite)} points are not finite, the first of them {int(np.argmin(finite))}"

@@ -22,7 +22,7 @@ from unveil_core.drives.checks.points_seen import seen_share
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["pose_findings"]
+__all__ = ["CONVENTION_NAMES", "pose_findings"]
 
 RIGHT, WRONG, BETTER = 0.8, 0.5, 0.3
 """Share of the matches that right poses explain at least, and wrong ones at most, and by how much more the former do: right ones
@@ -45,7 +45,7 @@ UNITS = {
 """Units that points may be in where poses are in metres, by metres."""
 MOST_TRIED = 400
 """Places by which other readings of the points are tried."""
-NAMES = {
+CONVENTION_NAMES = {
     "opengl": "camera to world with OpenGL's axes (x right, y up, z back)",
     "opencv": "camera to world with OpenCV's axes (x right, y down, z forward)",
     "world-to-camera": "world to camera with OpenCV's axes, as extrinsics are",
@@ -107,8 +107,8 @@ def _other_convention(
         if shares[best] < SEEN:
             return None
         tells = f"let the cameras see {seen:.0%} of the points, and {shares[best]:.0%} if they are"
-    taken = f"poses, taken as {NAMES[native]}{', as given' if given else ''}"
-    return Finding(f"{taken}, {tells} {NAMES[best]}", f"add --pose-convention {best}", asks=True)
+    taken = f"poses, taken as {CONVENTION_NAMES[native]}{', as given' if given else ''}"
+    return Finding(f"{taken}, {tells} {CONVENTION_NAMES[best]}", f"add --pose-convention {best}", asks=True)
 
 
 def _upside_down(native: str, other: str, points: Float64, cameras: Sequence[Camera]) -> bool:

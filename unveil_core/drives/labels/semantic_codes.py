@@ -21,11 +21,11 @@ from unveil_core.drives.labels.reading import colours_of, ids_of, stray_ids, tra
 from unveil_core.drives.labels.samples import Sample
 from unveil_core.drives.labels.street_likeness import SEEN_ON_STREETS, street_likeness
 
-__all__ = ["semantic_code"]
+__all__ = ["ORDER_NAMES", "semantic_code"]
 
 TRIED = ("cityscapes", "cityscapes-ids", "ade20k", "ade20k-from-1", "mapillary", "carla")
 """Orders that are recognized, where nobody names one."""
-NAMES = {
+ORDER_NAMES = {
     "cityscapes": "Cityscapes trainIds",
     "cityscapes-ids": "Cityscapes labelIds",
     "cityscapes-colours": "colours of Cityscapes",
@@ -68,7 +68,7 @@ def semantic_code(samples: Sequence[Sample], given: str | None = None) -> tuple[
     if not samples:
         return SemanticCode(given or TRAIN_IDS), None
     if given is not None:
-        return _given(samples, given), f"labels are read as {NAMES.get(given, given)}, as given"
+        return _given(samples, given), f"labels are read as {ORDER_NAMES.get(given, given)}, as given"
     if all(s.ids is None for s in samples) or _palette_of_colours(samples):
         return _by_colours(samples)
     if any(s.ids is None for s in samples):
@@ -172,7 +172,7 @@ def _by_numbers(samples: Sequence[Sample]) -> tuple[SemanticCode, str | None]:
         listed = ", ".join(map(str, strays[:4]))
         return plain, f"labels hold {listed}, which are no trainIds, on {share:.1%} of the pixels: they count as void"
     problem = f"holds {', '.join(map(str, strays[:4]))}, which are no Cityscapes trainIds"
-    fitting = ", ".join(NAMES[r.code.order] for r in known)
+    fitting = ", ".join(ORDER_NAMES[r.code.order] for r in known)
     raise DriveError(problem + (f" (they could be {fitting})" if fitting else ""), path=samples[0].path, mend=MEND)
 
 
@@ -184,7 +184,7 @@ def _told(code: SemanticCode, why: str = "by their values") -> str | None:
     if code.order == TRAIN_IDS and code.divisor == 1:
         return None
     objects = ", each times 1000 plus the number of an object" if code.divisor > 1 else ""
-    return f"labels are taken for {NAMES[code.order]}{objects}, {why}; --label-classes decides"
+    return f"labels are taken for {ORDER_NAMES[code.order]}{objects}, {why}; --label-classes decides"
 
 
 def _palette_of_colours(samples: Sequence[Sample]) -> bool:
@@ -208,10 +208,12 @@ def _by_colours(samples: Sequence[Sample]) -> tuple[SemanticCode, str | None]:
     # A grey photograph has many greys that a lossy table has, too.
     odd = lossy and street_likeness([train_ids(s.small, code, s.path) for s in samples]) < SEEN_ON_STREETS
     if odd or shares[order] < (NEARLY_COLOURED if lossy else COLOURED):
-        which = ", ".join(f"{share:.0%} of {NAMES[name].removeprefix('colours of ')}" for name, share in shares.items())
+        which = ", ".join(
+            f"{share:.0%} of {ORDER_NAMES[name].removeprefix('colours of ')}" for name, share in shares.items()
+        )
         problem = f"is a picture in colours that mean no known classes (of its pixels {which})"
         raise DriveError(problem, path=samples[0].path, mend=MEND)
-    return code, f"labels are taken for {NAMES[order]}; --label-classes decides"
+    return code, f"labels are taken for {ORDER_NAMES[order]}; --label-classes decides"
 
 
 def _of(shares: dict[str, float]) -> Callable[[str], float]:
