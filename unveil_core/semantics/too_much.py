@@ -13,7 +13,7 @@ from unveil_core.drives.importing.check import Checked
 from unveil_core.drives.labels.codes import BLACK
 from unveil_core.semantics.classes import REMOVABLE, expand_names
 
-__all__ = ["much_removed"]
+__all__ = ["MUCH", "much_removed"]
 
 MUCH = 0.5
 """Share of a picture beyond which its removal is doubted; traffic at its densest has a third."""

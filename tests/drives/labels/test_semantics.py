@@ -77,6 +77,12 @@ KINDS: dict[str, tuple[Callable[[Label], Label | bytes | np.ndarray], str, str]]
     "colours": (in_colours, ".png", "cityscapes-colours"),
     "colours with transparency": (transparent, ".png", "cityscapes-colours"),
     "colours of 16 bits": (lambda x: in_colours(x).astype(np.uint16) * 257, ".png", "cityscapes-colours"),
+    "colours with red and blue exchanged": (lambda x: in_colours(x)[..., ::-1], ".png", "cityscapes-colours"),
+    "a palette of colours with red and blue exchanged": (
+        lambda x: as_palette(x, CITY_COLOURS[:, ::-1]),
+        ".png",
+        "cityscapes-colours",
+    ),
     "19 for the bonnet": (with_bonnet, ".png", "cityscapes"),
 }
 
@@ -102,6 +108,8 @@ def test_colours_in_a_jpeg_are_the_nearest_but_at_borders(tmp_path: Path) -> Non
     assert code.order == "cityscapes-colours" and told is not None
     found = train_ids(read_values(path), code, path, strict=True)
     assert (found == large).mean() > 0.9
+    turned = saved(tmp_path / "turned.jpg", in_colours(large)[..., ::-1])
+    assert semantic_code(samples_of([turned]))[0] == SemanticCode(code.order, by_palette=True, blue_first=True)
     edges = cv2.morphologyEx(large, cv2.MORPH_GRADIENT, np.ones((9, 9), np.uint8)) > 0
     assert (found == large)[~edges].all()
 
@@ -170,3 +178,11 @@ def test_each_colour_of_a_table_is_found_again_exactly_and_nearly(order: str) ->
     nearly, near = train_ids_of_colours(colours, order, lossy=True)
     assert known.all() and near.all()
     assert (exact == nearly).mean() > 0.85  # some colours are as near to one another as a JPEG changes them
+
+
+@pytest.mark.parametrize("order", COLOUR_ORDERS)
+def test_few_of_all_colours_are_near_to_a_table(order: str) -> None:
+    any_colours = np.random.default_rng(1).integers(0, 256, (200, 200, 3)).astype(np.uint8)
+    found, near = train_ids_of_colours(any_colours, order, lossy=True)
+    assert 0.02 < near.mean() < 0.3 and (found[~near] == 255).all()
+    assert train_ids_of_colours(any_colours, order, lossy=False)[1].mean() < 0.01

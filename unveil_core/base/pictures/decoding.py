@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import is_out_of_memory
-from unveil_core.base.pictures.headers import OTHERS, Header, format_of, header_of, is_lossy
+from unveil_core.base.pictures.headers import Header, format_of, header_of, is_lossy, unread_format_of
 from unveil_core.base.pictures.orientation import SWAPS_SIDES, orientation_of
 from unveil_core.base.pictures.palettes import indexed
 
@@ -72,7 +72,7 @@ def _header(content: bytes, path: Path) -> Header:
     if not content:
         raise DriveError("is empty", path=path, mend=FROM_SOURCE)
     if format_of(content) is None:
-        other = next((name for start, name in OTHERS if content.startswith(start)), None)
+        other = unread_format_of(content)
         problem = "is not a readable image" if other is None else f"is {other}, which is not read"
         raise DriveError(problem, path=path, mend=AGAIN)
     header = header_of(content)

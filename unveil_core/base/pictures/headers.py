@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from unveil_core.base.pictures.tiff_header import TIFF, TiffHeader, tiff_header
 
-__all__ = ["BMP", "MOST_CHUNKS", "OTHERS", "PNG", "Header", "format_of", "header_of", "is_lossy"]
+__all__ = ["BMP", "MOST_CHUNKS", "PNG", "Header", "format_of", "header_of", "is_lossy", "unread_format_of"]
 
 PNG = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
@@ -52,12 +52,20 @@ OTHERS = (
     (b"GIF8", "GIF"),
     (b"\x76\x2f\x31\x01", "OpenEXR"),
     (b"#?R", "Radiance HDR"),
-    (b"\0\0\0\x20ftypavif", "AVIF"),
-    (b"\0\0\0\x1cftypavif", "AVIF"),
     (b"II+\0", "BigTIFF"),
     (b"MM\0+", "BigTIFF"),
 )
 """Formats that are not read, by how their files begin: they are told by name."""
+BRANDS = {
+    b"avif": "AVIF",
+    b"avis": "AVIF",
+    b"heic": "HEIC",
+    b"heix": "HEIC",
+    b"hevc": "HEIC",
+    b"mif1": "HEIC",
+    b"msf1": "HEIC",
+}
+"""The same of those that begin with the size of a box and ``ftyp``, by what follows: phones photograph in them."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +99,13 @@ def format_of(content: bytes) -> str | None:
     if content[:2] == BMP:
         return "BMP"
     return "WebP" if content[:4] == RIFF and content[8:12] == b"WEBP" else None
+
+
+def unread_format_of(content: bytes) -> str | None:
+    """The name of a picture's format that is known and not read, by the first bytes of a file; None of anything else."""
+    if content[4:8] == b"ftyp":
+        return BRANDS.get(content[8:12])
+    return next((name for start, name in OTHERS if content.startswith(start)), None)
 
 
 def header_of(content: bytes) -> Header | None:

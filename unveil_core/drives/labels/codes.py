@@ -30,12 +30,14 @@ class SemanticCode:
         divisor: a pixel is its class times this plus the number of an object; 1 = there are no such numbers.
         by_palette: of pictures with a palette its colours count, in the place of the numbers that point to them.
         stray_is_void: numbers that the order does not have are void; else they are an error.
+        blue_first: of colours red and blue are exchanged, as OpenCV writes what it is not told to turn round.
     """
 
     order: str = TRAIN_IDS
     divisor: int = 1
     by_palette: bool = False
     stray_is_void: bool = False
+    blue_first: bool = False
 
     @property
     def in_colours(self) -> bool:

@@ -118,4 +118,4 @@ def _cells(order: str) -> NDArray[np.uint16]:
     apart = np.abs(cube - colours).sum(axis=2)
     nearest = apart.argmin(axis=1)
     near = np.take_along_axis(apart, nearest[:, None], axis=1)[:, 0] <= NEAREST
-    return np.where(near, ids[nearest], NONE | VOID).astype(np.uint16)
+    return np.where(near, ids[nearest].astype(np.uint16), np.uint16(NONE | VOID))

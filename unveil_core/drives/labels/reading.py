@@ -97,11 +97,13 @@ def ids_of(values: Values, *, by_palette: bool = False) -> Ids | None:
     return pixels
 
 
-def colours_of(values: Values) -> NDArray[np.uint8]:
-    """(H, W, 3) RGB of 8 bits, of a picture with a palette its colours."""
+def colours_of(values: Values, *, blue_first: bool = False) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB of 8 bits, of a picture with a palette its colours; ``blue_first``: of one that has BGR."""
     pixels: Ids = values.pixels if values.palette is None else values.palette[values.pixels]
     pixels = (pixels >> 8).astype(np.uint8) if pixels.dtype == np.uint16 else pixels
-    return np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels[..., :3]
+    if pixels.ndim == 2:
+        return np.repeat(pixels[..., None], 3, axis=2)
+    return pixels[..., 2::-1] if blue_first else pixels[..., :3]
 
 
 def levels_of(values: Values, code: MaskCode) -> Ids:
@@ -129,7 +131,9 @@ def train_ids(values: Values, code: SemanticCode, path: Path, *, strict: bool = 
         DriveError: it holds colours where numbers are meant, or few of the colours that are meant; or see ``strict``.
     """
     if code.in_colours:
-        found, known = train_ids_of_colours(colours_of(values), code.order, lossy=values.lossy)
+        found, known = train_ids_of_colours(
+            colours_of(values, blue_first=code.blue_first), code.order, lossy=values.lossy
+        )
         if strict and known.mean() < 0.5:
             problem = f"has {1 - known.mean():.0%} pixels of other colours than {code.order}"
             raise DriveError(problem, path=path, mend="draw all label pictures alike, or give trainIds")

@@ -45,6 +45,8 @@ PANOPTIC = 1000
 """Cityscapes, KITTI-360 and others write a class times this plus the number of an object."""
 COLOURED, NEARLY_COLOURED = 0.9, 0.7
 """Share of the pixels that have a colour of a table, from which on it is taken: of exact pictures and of lossy ones."""
+TURNED = 0.1
+"""So much larger is that share with red and blue exchanged, where they are: roads, houses and poles look the same either way."""
 FEW_STRAY, ONE_STRAY = 0.02, 0.25
 """Share of pixels with other numbers, or with one other number, that are void in pictures that otherwise are clearly trainIds: some
 write 19 for void, and the vehicle's own bonnet has a quarter of a picture."""
@@ -85,9 +87,9 @@ def semantic_code(samples: Sequence[Sample], given: str | None = None) -> tuple[
 def _given(samples: Sequence[Sample], order: str) -> SemanticCode:
     code = SemanticCode(order, by_palette=order in COLOUR_ORDERS)
     if code.in_colours:
-        shares = [_known_share(s, order) for s in samples]
-        if float(np.mean(shares)) < 0.5:
-            problem = f"has {1 - float(np.mean(shares)):.0%} pixels of other colours than {order}"
+        code, share = _best_turned(samples, order)
+        if share < 0.5:
+            problem = f"has {1 - share:.0%} pixels of other colours than {order}"
             raise DriveError(problem, path=samples[0].path, mend="name another one by --label-classes")
         return code
     found = _Reading.best_palette(samples, code)
@@ -191,20 +193,28 @@ def _palette_of_colours(samples: Sequence[Sample]) -> bool:
     """Whether all are pictures with a palette whose colours are those of one table, not only a number's own."""
     if not all(s.small.palette is not None and s.shades is None for s in samples):
         return False
-    return any(all(_known_share(s, order) >= COLOURED for s in samples) for order in COLOUR_ORDERS)
+    codes = [SemanticCode(order, blue_first=turned) for order in COLOUR_ORDERS for turned in (False, True)]
+    return any(all(_known_share(s, code) >= COLOURED for s in samples) for code in codes)
 
 
-def _known_share(sample: Sample, order: str) -> float:
-    return float(train_ids_of_colours(colours_of(sample.small), order, lossy=sample.small.lossy)[1].mean())
+def _known_share(sample: Sample, code: SemanticCode) -> float:
+    colours = colours_of(sample.small, blue_first=code.blue_first)
+    return float(train_ids_of_colours(colours, code.order, lossy=sample.small.lossy)[1].mean())
+
+
+def _best_turned(samples: Sequence[Sample], order: str) -> tuple[SemanticCode, float]:
+    """The table's code, with red and blue exchanged if clearly more pixels have its colours so; and their share."""
+    codes = [SemanticCode(order, by_palette=True, blue_first=turned) for turned in (False, True)]
+    plain, turned = (float(np.mean([_known_share(s, code) for s in samples])) for code in codes)
+    return (codes[1], turned) if turned > plain + TURNED and plain < COLOURED else (codes[0], plain)
 
 
 def _by_colours(samples: Sequence[Sample]) -> tuple[SemanticCode, str | None]:
-    shares: dict[str, float] = {
-        order: float(np.mean([_known_share(s, order) for s in samples])) for order in COLOUR_ORDERS
-    }
+    found = {order: _best_turned(samples, order) for order in COLOUR_ORDERS}
+    shares: dict[str, float] = {order: share for order, (_, share) in found.items()}
     order = max(shares, key=_of(shares))
     lossy = any(s.small.lossy for s in samples)
-    code = SemanticCode(order, by_palette=True)
+    code = found[order][0]
     # A grey photograph has many greys that a lossy table has, too.
     odd = lossy and street_likeness([train_ids(s.small, code, s.path) for s in samples]) < SEEN_ON_STREETS
     if odd or shares[order] < (NEARLY_COLOURED if lossy else COLOURED):
@@ -213,7 +223,8 @@ def _by_colours(samples: Sequence[Sample]) -> tuple[SemanticCode, str | None]:
         )
         problem = f"is a picture in colours that mean no known classes (of its pixels {which})"
         raise DriveError(problem, path=samples[0].path, mend=MEND)
-    return code, f"labels are taken for {ORDER_NAMES[order]}; --label-classes decides"
+    turned = " with red and blue exchanged" if code.blue_first else ""
+    return code, f"labels are taken for {ORDER_NAMES[order]}{turned}; --label-classes decides"
 
 
 def _of(shares: dict[str, float]) -> Callable[[str], float]:
