@@ -6,12 +6,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from tests.drives.checks.seen_street import cameras, street_points
+from tests.drives.checks.seen_street import cameras, seen_street, street_points, with_cameras
 from unveil_core.drives.checks.findings import Finding, worst_first
 from unveil_core.drives.checks.lenses import lens_findings
+from unveil_core.drives.checks.look_over import looked_over
 from unveil_core.drives.checks.way import way_findings
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.drives.scale_and_up import place_drive
@@ -96,10 +98,14 @@ def test_poses_that_are_all_one_are_told() -> None:
     [
         (
             {"width": 120, "height": 80},
-            r"principal point of camera camera lies at 1\.00 of its pictures' width and 1\.00",
+            r"camera camera lies at 1\.00 of its pictures' width and 1\.00 .*2 times as large: multiply .* by 0\.5\)",
         ),
+        ({"width": 480, "height": 320}, r"lies at 0\.25 .*is of pictures 0\.5 times as large: multiply .* by 2\)"),
+        ({"cx": 80.0, "cy": 120.0}, r"lies at 0\.33 .*cx and cy are exchanged"),
+        ({"cx": 0.0, "cy": 0.0}, r"lies at 0\.00 .*reduced or cropped"),
         ({"height": 100}, r"lies at 0\.50 of its pictures' width and 0\.80 of their height"),
         ({"fx": 24.0, "fy": 24.0}, r"camera camera sees 157 degrees: its focal length is 24 pixels"),
+        ({"fx": 0.5, "fy": 0.5, "cx": 0.5, "cy": 0.5}, r"sees 180 degrees: its focal length is 0\.5 pixels"),
         ({"fx": 9000.0, "fy": 9000.0}, r"sees 1\.53 degrees"),
     ],
 )
@@ -108,6 +114,37 @@ def test_lenses_of_other_pictures_are_told_once(change: dict[str, float], line: 
     assert lens_findings(drive_of(cameras(), street_points())) == []
     (found,) = lens_findings(drive_of(own, street_points()))
     assert re.search(line, found.line), found.line
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_focal_length_that_photographs_and_points_contradict_is_told(factor: float, tmp_path: Path) -> None:
+    drive = seen_street(tmp_path)
+    own = cameras()
+    wrong = with_cameras(drive, [replace(c, fx=factor * c.fx, fy=factor * c.fy) for c in own])
+    found = looked_over(wrong, place_drive(wrong))
+    problem = next(f.problem for f in found if "focal length" in f.problem)
+    told = re.search(r"with a focal length of about (\d+) pixels; that of camera camera is (\d+)", problem)
+    assert told is not None
+    assert int(told[1]) == pytest.approx(own[0].fx, rel=0.2) and int(told[2]) == pytest.approx(
+        factor * own[0].fx, abs=1
+    )
+
+
+def test_a_lens_of_other_pictures_asks_where_the_photographs_contradict_it(tmp_path: Path) -> None:
+    drive = seen_street(tmp_path)
+    half = [replace(c, fx=c.fx / 2, fy=c.fy / 2, cx=c.cx / 2, cy=c.cy / 2) for c in cameras()]
+    wrong = with_cameras(drive, half)
+    (found,) = looked_over(wrong, place_drive(wrong))
+    assert found.asks and "0.5 times as large" in found.mend
+    # A part that was cut out of larger pictures has its principal point anywhere, and agrees.
+    for frame in drive.frames:
+        picture = cv2.imread(str(frame.image_path))
+        cv2.imwrite(str(tmp_path / f"cut_{frame.name}.png"), picture[:, :140])
+    cut = [replace(c, width=140) for c in cameras()]
+    frames = with_cameras(drive, cut).frames
+    whole = replace(drive, frames=tuple(replace(f, image_path=tmp_path / f"cut_{f.name}.png") for f in frames))
+    (found,) = looked_over(whole, place_drive(whole))
+    assert not found.asks and "principal point" in found.problem
 
 
 def test_a_fisheye_may_see_everything() -> None:

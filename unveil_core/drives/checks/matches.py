@@ -19,7 +19,7 @@ from unveil_core.geometry.adjustment.features import Features, alike, find_featu
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import undistorted
 
-__all__ = ["MatchedPair", "matched_pairs", "places", "share_explained"]
+__all__ = ["STILL", "MatchedPair", "matched_pairs", "places", "share_explained"]
 
 PAIRS = 3
 """Neighbours that are compared, evenly chosen; two pictures each."""
@@ -29,6 +29,8 @@ LEAST_PARALLAX = np.radians(0.4)
 """Between the rays of a match, without the cameras' turn, from which on its depth has a sign."""
 FEWEST = 24
 """Matches with such a parallax that a pair must have to tell anything."""
+STILL = 1e-9
+"""Of coordinates, what is lost when matrices are turned round; what moves less stands."""
 OFF = 0.03
 """Distance of rays that still meet, as a share of their depth: inertial poses are off by a degree or two."""
 
@@ -51,10 +53,10 @@ def matched_pairs(drive: Drive) -> list[MatchedPair]:
     """Some pairs of neighbouring photographs of the longest track, between which the camera moved; none where they show too little
     in common, or cannot be read."""
     track = max(tracks(drive), key=len, default=[])
+    centres = {i: drive.frames[i].camera.centre for i in track}
+    still = STILL * max((float(np.abs(c).max()) for c in centres.values()), default=1.0)
     moved = [
-        (i, j)
-        for i, j in zip(track[:-1], track[1:], strict=True)
-        if np.linalg.norm(drive.frames[i].camera.centre - drive.frames[j].camera.centre) > 0
+        (i, j) for i, j in zip(track[:-1], track[1:], strict=True) if np.linalg.norm(centres[i] - centres[j]) > still
     ]
     chosen = sorted({(2 * k + 1) * len(moved) // (2 * PAIRS) for k in range(PAIRS)}) if moved else []
     found = []

@@ -9,6 +9,7 @@ import numpy as np
 
 from unveil_core.base.types import Float64
 from unveil_core.drives.checks.findings import Finding
+from unveil_core.drives.checks.matches import STILL
 from unveil_core.drives.checks.points_seen import points_in_view
 from unveil_core.drives.drive import Drive, Frame, PointCloud, tracks
 from unveil_core.drives.scale_and_up import Placement, camera_height
@@ -37,7 +38,7 @@ def way_findings(drive: Drive, points: Float64, placement: Placement) -> list[Fi
         points: (P, 3) some of the drive's.
         placement: its scale and up.
     """
-    return [*_heights(drive, points, placement), *_steps(drive), *_nothing_in_common(drive, points)]
+    return [*_steps(drive), *_heights(drive, points, placement), *_nothing_in_common(drive, points)]
 
 
 def height_above_ground(drive: Drive, points: Float64, placement: Placement) -> float | None:
@@ -65,7 +66,7 @@ def _steps(drive: Drive) -> list[Finding]:
     for track in tracks(drive):
         frames = [drive.frames[i] for i in track]
         centres = np.stack([f.camera.centre for f in frames])
-        if len(frames) > 1 and not np.ptp(centres, axis=0).any():
+        if len(frames) > 1 and not (np.ptp(centres, axis=0) > STILL * np.abs(centres).max(initial=1.0)).any():
             name = frames[0].camera_name
             found.append(
                 Finding(f"all {len(frames)} frames of camera {name} are at one place", "are their poses missing?")

@@ -28,6 +28,7 @@ from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.drives.formats.nerfstudio.lens import crop_notice, degrees_notice, read_lens
 from unveil_core.drives.formats.nerfstudio.points import read_named_points
 from unveil_core.drives.formats.nerfstudio.rig import camera_names, frame_names
+from unveil_core.drives.formats.nerfstudio.transposed import turned_upright
 from unveil_core.geometry.transforms import nearest_rotation
 
 __all__ = ["pose_from_matrix", "read_transforms_json"]
@@ -178,8 +179,9 @@ def read_transforms_json(path: Path, pose_convention: str | None = None) -> Driv
     if "applied_scale" in top and not _is_scale(top["applied_scale"]):
         raise DriveError(f"applied_scale is no scale: {str(top['applied_scale'])[:40]!r}", path=path, mend="correct it")
     pose_convention = pose_convention or OPENGL
-    frames = _frames(top, path, pose_convention)
-    notices: list[str] = []
+    upright, turned = turned_upright(top["frames"])
+    frames = _frames({**top, "frames": upright}, path, pose_convention)
+    notices: list[str] = [] if turned is None else [turned]
     cropped = crop_notice(keys.number("fisheye_crop_radius"), [(f.camera, f.distortion) for f in frames])
     notices += [] if cropped is None else [cropped]
     angles = [e.get(k) for e in (top, *top["frames"]) for k in ("camera_angle_x", "camera_angle_y")]
