@@ -15,6 +15,7 @@ from tests.drives.formats.street.street import tiny_street
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from tests.small_street import make_small_street
 from unveil_core.app.cli import main
+from unveil_core.base.files import write_image_atomic
 from unveil_core.checkup.examined import examine_drive
 from unveil_core.checkup.page import check_page
 from unveil_core.pipeline.settings import RunSettings
@@ -116,3 +117,24 @@ def test_a_drive_without_labels_says_so(tmp_path: Path) -> None:
     assert "nothing tells what can be removed" in found.assumed
     assert all(p.removed is None for p in found.labels)
     assert "Nothing labels this drive" in check_page(found)
+
+
+def test_the_photograph_of_which_most_can_be_removed_is_shown(tmp_path: Path) -> None:
+    folder = tmp_path / "street"
+    drive = make_small_street(folder, masks_only=True)
+    masks = sorted((folder / "masks").iterdir())
+    for path in masks:
+        write_image_atomic(path, np.full((80, 128), 255, np.uint8))
+    some = np.full((80, 128), 255, np.uint8)
+    some[40:60, 40:70] = 0
+    write_image_atomic(masks[2], some)
+    found = examine_drive(drive)
+    removed = {p.frame: p.removed for p in found.labels}
+    assert len(removed) == 3 and removed["02"] == pytest.approx(600 / 10240, rel=0.1)
+
+
+def test_a_height_that_was_assumed_is_none(tmp_path: Path) -> None:
+    drive = make_small_street(tmp_path / "street")
+    assert dict(examine_drive(drive).facts)["height of the cameras"].startswith("1.6")
+    edit(drive, lambda d: d.update(metric=False))
+    assert "height of the cameras" not in dict(examine_drive(drive).facts)

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
@@ -19,13 +21,15 @@ from unveil_core.checkup.way import WayPicture, way_picture
 from unveil_core.drives import open_drive
 from unveil_core.drives.checks.conventions import OPENCV
 from unveil_core.drives.checks.findings import Finding
+from unveil_core.drives.checks.points_seen import some_points
 from unveil_core.drives.checks.poses import CONVENTION_NAMES
 from unveil_core.drives.checks.way import height_above_ground
-from unveil_core.drives.drive import Drive, Sweep, tracks
+from unveil_core.drives.drive import Drive, Frame, Sweep, tracks
 from unveil_core.drives.importing.check import Checked, check_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.labels.semantic_codes import ORDER_NAMES
 from unveil_core.drives.scale_and_up import Placement, place_drive
+from unveil_core.labelling.object_points import REMOVABLE_IDS
 from unveil_core.pipeline.forecasting import workload_of
 from unveil_core.pipeline.run import found_wrong
 from unveil_core.pipeline.settings import RunSettings
@@ -105,7 +109,7 @@ def examine_drive(path: str | Path, settings: RunSettings | None = None, progres
     points = points_picture(there)
     progress(5, 6, "drawing labels")
     with tempfile.TemporaryDirectory(prefix="unveil-check-") as scratch:
-        labels = label_pictures(drive, placement, settings, Path(scratch))
+        labels = label_pictures(drive, placement, settings, Path(scratch), _fullest(seen, checked))
     progress(6, 6, "done")
     return Examined(
         name=_name(Path(path)),
@@ -127,6 +131,13 @@ def _checked(drive: Drive) -> tuple[Checked, Drive]:
         frames = tuple(_evenly(frames, MOST_FRAMES))
     part = replace(drive, frames=frames)
     return check_drive(part), part
+
+
+def _fullest(drive: Drive, checked: Checked) -> Frame | None:
+    """The frame of which most can be removed, by labels that lie in files; None where there are none."""
+    of_classes = checked.classes[:, list(REMOVABLE_IDS)].sum(axis=1) / np.maximum(checked.classes.sum(axis=1), 1)
+    shares = np.fmax(of_classes, checked.masked)
+    return drive.frames[int(shares.argmax())] if shares.any() else None
 
 
 def _evenly(items: Sequence[T], most: int) -> list[T]:
@@ -180,7 +191,8 @@ def _facts(
     stamps = [f.timestamp for i in max(tracks(drive), key=len) if (f := drive.frames[i]).timestamp is not None]
     if len(stamps) > 1:
         rows.append(("time", f"{stamps[-1] - stamps[0]:.1f} s"))
-    height = height_above_ground(drive, drive.points.positions, placement) if len(drive.points.positions) else None
+    # Where the scale is made of the height, it tells nothing.
+    height = height_above_ground(drive, some_points(drive), placement) if placement.scale_is_known else None
     if height is not None:
         rows.append(("height of the cameras", f"{height:.2f} m above the ground"))
     return rows

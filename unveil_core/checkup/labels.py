@@ -22,7 +22,7 @@ from unveil_core.pipeline.steps.import_ import labels_of
 __all__ = ["LabelPicture", "label_pictures"]
 
 PLACES = (1 / 6, 1 / 2, 5 / 6)
-"""Which of all frames are shown."""
+"""Which of all frames are shown, one of them replaced by that of which most can be removed."""
 SIDE_PX = 640
 """Longer side at which they are labelled."""
 SWEEPS = 2
@@ -46,16 +46,23 @@ class LabelPicture:
     removed: float | None
 
 
-def label_pictures(drive: Drive, placement: Placement, settings: RunSettings, scratch: Path) -> list[LabelPicture]:
+def label_pictures(
+    drive: Drive, placement: Placement, settings: RunSettings, scratch: Path, fullest: Frame | None = None
+) -> list[LabelPicture]:
     """Three photographs of a drive as read, labelled as an import with these settings would.
 
     Args:
         scratch: an empty folder.
+        fullest: the frame of which most can be removed, where that is known: it is one of the three.
     Raises:
         UnveilError: see ``import_drive`` and the ways to label.
     """
     count = len(drive.frames)
-    frames = tuple(drive.frames[k] for k in sorted({min(int(p * count), count - 1) for p in PLACES}))
+    chosen = {min(int(p * count), count - 1) for p in PLACES}
+    most = next((k for k, f in enumerate(drive.frames) if f is fullest), None)
+    if most is not None and most not in chosen:
+        chosen = {most, *sorted(chosen, key=lambda k: abs(k - most))[1:]}  # in the place of the one nearest to it
+    frames = tuple(drive.frames[k] for k in sorted(chosen))
     near = {id(s): s for f in frames for s in nearest_sweeps(drive, f, SWEEPS)}
     part = replace(drive, frames=frames, sweeps=tuple(s for s in drive.sweeps if id(s) in near))
     imported = import_drive(part, scratch / "drive", work_side=SIDE_PX, placement=placement)
