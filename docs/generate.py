@@ -26,6 +26,7 @@ ORDER = {
     "app": "the unveil command",
     "bench": "measurements",
     "farm": "many drives, many machines",
+    "checkup": "a drive before the wait",
     "pipeline": "stages, runner, settings",
     "forecast": "time, memory, disk to come",
     "report": "the page, videos",

@@ -159,7 +159,7 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
         _end_commands()
     last, label, reported_at, before = "", what, 0.0, 0
     refused: str | None = None
-    missing = ""
+    missing = trouble = ""
     try:
         for line in process.stdout:
             line = line.strip()
@@ -181,6 +181,7 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
                     refused = ""
                 elif not missing and (found := re.search(r"No matching distribution found for ([^\s;(]+)", line)):
                     missing = found.group(1)
+                trouble = trouble or _network_trouble(line)
             if line.startswith(("Collecting ", "Downloading ", "Installing ", "Building ", "Processing ")):
                 label = _label(line)
                 tell(step * 100 + _share(before), steps * 100, label)
@@ -194,9 +195,37 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
     if code and refused:
         raise RuntimeError(f"{refused} is not the file that unveil was built with: its hash is another")
     if code and missing:
-        raise LookupError(missing)
+        raise LookupError(missing, trouble)
     if code:
         raise RuntimeError(last or f"{command[0]} ended with exit code {code}")
+
+
+NETWORK_TROUBLES = (
+    (
+        r"certificate.verify.failed|self.signed certificate|unable to get local issuer|certificate is not trusted|"
+        r"SSLCertVerificationError",
+        "its certificate is not trusted: does the company's network open encrypted connections? Set PIP_CERT to its root "
+        "certificate, a .pem file, before Blender starts; or name a Folder of wheels",
+    ),
+    (
+        r"proxy authentication|cannot connect to proxy|proxyerror|tunnel connection failed",
+        "the proxy refuses the connection: set HTTPS_PROXY=http://NAME:PASSWORD@HOST:PORT before Blender starts",
+    ),
+    (
+        r"name resolution|getaddrinfo failed|nodename nor servname|network is unreachable|no route to host",
+        "there is no network, or it does not lead there",
+    ),
+    (
+        r"403 client error|403 forbidden|401 client error",
+        "the package index refuses the request: is it one of the company's own?",
+    ),
+)
+"""What pip says, some lines before it says that a package was not found, and what that means."""
+
+
+def _network_trouble(line: str) -> str:
+    """What a line of pip tells of the connection; "" where nothing."""
+    return next((told for said, told in NETWORK_TROUBLES if re.search(said, line, re.IGNORECASE)), "")
 
 
 def _share(loaded: int) -> int:
@@ -245,7 +274,8 @@ def make(
     except LookupError as error:
         place = f"has no wheel in {wheels}" if wheels else "was not found in the package index"
         python = ".".join(map(str, sys.version_info[:2]))
-        mend = "fill it anew with `make wheels`, by this Python's version" if wheels else "is there a network?"
+        trouble = str(error.args[1]) if len(error.args) > 1 and error.args[1] else "is there a network?"
+        mend = "fill it anew with `make wheels`, by this Python's version" if wheels else trouble
         raise RuntimeError(f"{error.args[0]} {place} for Python {python} on {sys.platform} ({mend})") from error
     python = _python(folder)
     _run(5, 6, [python, "-I", "-c", "import unveil_core; print('unveil', unveil_core.__version__)"], "trying it")

@@ -49,11 +49,11 @@ def street_points() -> PointCloud:
 
 
 def write_picture(path: Path, level: int = 90, size: tuple[int, int] = SIZE) -> None:
-    """A grey picture, in the format of its suffix."""
+    """A grey picture with a black corner, in the format of its suffix."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    done, content = cv2.imencode(
-        {".jpeg": ".jpg"}.get(path.suffix.lower(), path.suffix.lower()), np.full((size[1], size[0]), level, np.uint8)
-    )
+    picture = np.full((size[1], size[0]), level, np.uint8)
+    picture[: size[1] // 3, : size[0] // 3] = 0
+    done, content = cv2.imencode({".jpeg": ".jpg"}.get(path.suffix.lower(), path.suffix.lower()), picture)
     assert done
     path.write_bytes(content.tobytes())
 

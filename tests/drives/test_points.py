@@ -111,3 +111,21 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     again = read_points(tmp_path / "p.ply")
     for name in ("positions", "colors", "classes", "moving"):
         assert np.array_equal(getattr(cloud, name), getattr(again, name))
+
+
+def test_points_that_are_not_finite_are_left_out_and_counted(tmp_path: Path) -> None:
+    positions = np.arange(60, dtype=np.float64).reshape(20, 3)
+    colors = np.arange(60, dtype=np.uint8).reshape(20, 3)
+    spoilt = positions.copy()
+    spoilt[3, 1], spoilt[7], spoilt[11, 2] = np.nan, np.inf, -np.inf
+    write_points(PointCloud(spoilt, colors), tmp_path / "p.ply")
+    told: list[str] = []
+    found = read_points(tmp_path / "p.ply", told)
+    kept = np.isfinite(spoilt).all(axis=1)
+    assert (found.positions == positions[kept]).all() and (found.colors == colors[kept]).all()
+    assert told == ["p.ply: 3 of 20 points are NaN or infinite and are left out"]
+    with pytest.raises(DriveError, match="3 of 20 points are not finite, the first of them 3"):
+        read_points(tmp_path / "p.ply")  # of a workspace, where each point has its place
+    write_points(PointCloud(np.full((4, 3), np.nan)), tmp_path / "none.ply")
+    with pytest.raises(DriveError, match="4 of 4 points are not finite"):
+        read_points(tmp_path / "none.ply", told)

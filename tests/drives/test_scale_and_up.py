@@ -12,7 +12,7 @@ from tests.drives.tiny_drive import edit
 from tests.other_frame import Y_UP_UTM, put_into_other_frame
 from tests.plain_ply import read_plain_ply
 from tests.small_street import make_small_street
-from unveil_core.base.errors import DriveError
+from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.base.ply.writing import write_vertices
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, PointCloud
@@ -21,7 +21,7 @@ from unveil_core.drives.scale_and_up import UP_AXES, camera_height, estimate_up,
 from unveil_core.geometry.axes import upright
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.geometry.transforms import quat_to_rotation
-from unveil_core.pipeline.settings import UPS
+from unveil_core.pipeline.settings import UPS, RunSettings
 
 
 @pytest.fixture
@@ -102,6 +102,34 @@ def test_without_ground_units_are_metres_and_that_is_said(street: Path) -> None:
     above = PointCloud(drive.points.positions + (0, 0, 50.0))
     placed = place_drive(replace(drive, points=above, units_per_metre=None, up=UP_AXES["z"]))
     assert placed.to_world.scale == 1 and placed.scale_source == "nothing" and "no ground was found" in placed.message()
+
+
+@pytest.mark.parametrize("height", [1.6, 3.2])
+def test_a_height_that_is_given_tells_the_scale(street: Path, height: float) -> None:
+    drive = unknown(street, UP_AXES["-y"], 7.3)
+    true = camera_height(drive, UP_AXES["-y"])
+    assert true is not None
+    placed = place_drive(drive, camera_height_m=height)
+    assert placed.to_world.scale == pytest.approx(true / height)
+    assert placed.scale_source == "given height" and placed.scale_is_known
+    assert f"units above the ground, and {height} m as given" in placed.message()
+    # A drive that says metres of itself is overruled, as by --scale.
+    known = place_drive(open_drive(street), camera_height_m=2 * height)
+    assert known.scale_source == "given height"
+
+
+def test_a_height_without_ground_is_one_line(street: Path) -> None:
+    drive = open_drive(street)
+    above = drive.points.positions[:30] + (0, 0, 90.0)
+    with pytest.raises(DriveError, match="shows no ground below its cameras.*give --scale UNITS_PER_METRE"):
+        place_drive(replace(drive, points=PointCloud(above)), camera_height_m=1.6)
+
+
+def test_scale_and_height_are_one_too_many() -> None:
+    with pytest.raises(SettingsError, match="--scale or --camera-height"):
+        RunSettings(scale=2.0, camera_height=1.6)
+    with pytest.raises(SettingsError, match=r"camera_height 0 is out of range \(give metres"):
+        RunSettings(camera_height=0.0)
 
 
 def test_what_is_given_decides(street: Path) -> None:

@@ -20,6 +20,7 @@ from unveil_core.inpaint.facade.offsets import share_facing
 from unveil_core.inpaint.light.sun import Sun, given_sun
 from unveil_core.inpaint.upright import Completed
 from unveil_core.optimize.start import start_sky
+from unveil_core.pipeline.steps.choose import _much_left
 from unveil_core.pipeline.steps.ground import _metres_assumed, _street_assumed
 from unveil_core.pipeline.steps.inpaint import _facades_assumed, _sun_assumed, _sun_recorded
 from unveil_core.pipeline.steps.reconstruct import _ground_assumed, _sky_assumed
@@ -27,7 +28,7 @@ from unveil_core.pipeline.steps.remove import MOST_NAMED, _vehicles_assumed
 from unveil_core.remove.selection import select_removed
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.instances import Box
-from unveil_core.semantics.labels import find_labels
+from unveil_core.semantics.labels import SceneLabels, find_labels
 from unveil_core.surfels.surfels import concatenate
 from unveil_core.workspace.assumptions import Assumption, assumed, recorded_assumptions
 
@@ -59,6 +60,16 @@ def test_an_estimated_scale_is_said_whatever_the_height() -> None:
     assert "1.6 m" in told.instead
     # Without a street nothing tells how high the cameras are.
     assert _metres_assumed("metric", None, centres_of(cameras)).holds
+
+
+@pytest.mark.parametrize(
+    ("removed", "share", "holds"), [(("car",), "12 %", True), (("car", "building"), "88 %", False)]
+)
+def test_most_of_what_was_photographed_stays(removed: tuple[str, ...], share: str, holds: bool) -> None:
+    labels = LabelSet.cityscapes([0, 2, 13])  # road, building, car
+    told = _much_left(SceneLabels(labels, "semantics", removed, (), (120, 760, 120)))
+    assert (told.holds, told.found) == (holds, f"{share} is {', '.join(removed)}")
+    assert "--remove" in told.instead
 
 
 def by_name(found: list[Assumption]) -> dict[str, Assumption]:

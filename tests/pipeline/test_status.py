@@ -104,6 +104,7 @@ def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
         "work_side": None,
         "quality": "standard",
         "scale": None,
+        "camera_height": None,
         "up": None,
         "scene": None,
         "cameras": [],
@@ -111,6 +112,10 @@ def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
         "sweeps": "all",
         "model": None,
         "labels": None,
+        "instance_maps": None,
+        "label_classes": None,
+        "mask_removes": None,
+        "pose_convention": None,
         "segmenter": None,
     }
     assert set(stages["segment"]["settings"]) >= {"movers"}

@@ -30,7 +30,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.settings import RunSettings
 
     given = settings_of(arguments)
-    options = _options(given, RunSettings())
+    options = [*_options(given, RunSettings()), *["--yes"] * arguments.yes]
     left_out: list[Path] = []
 
     def leave_out(path: Path, error: UnveilError) -> None:

@@ -94,7 +94,8 @@ def check_footage(
         if output is None:
             raise SettingsError("a drive needs a folder for the results", path=source, mend="name one with -o")
         folder = _own_folder(Path(output), [source])
-        footage = run(source, folder / "footage", settings, until="inpaint", reporter=reporter)
+        # What a run would ask it says as a warning: this is a measurement, which has nobody to ask.
+        footage = run(source, folder / "footage", settings, until="inpaint", yes=True, reporter=reporter)
     with TemporaryDirectory(prefix=SCRATCH, dir=folder) as scratch:
         return _checked(footage, folder, cars, quality, device, references, network, reporter, Path(scratch))
 
@@ -165,7 +166,9 @@ def _checked(
         instances=(*recorded.instances, *ids) if added.choose_instances else recorded.instances,
     )
     # The drive with the cars is of this folder alone, as its workspace is: with other cars it is another drive.
-    workspace = run(folder / "drive", folder / "workspace", chosen, until="deliver", replace=True, reporter=reporter)
+    workspace = run(
+        folder / "drive", folder / "workspace", chosen, until="deliver", replace=True, yes=True, reporter=reporter
+    )
     found = measure_holdout(
         planted.frames, placed, drive, workspace.root, references=references, lpips=lpips, progress=_progress(reporter)
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
+from unveil_core.base.drive_options import LABEL_CLASSES, POSE_CONVENTIONS
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.base.wording import shown
 from unveil_core.pipeline.settings import MOVERS, ORDERS, POSES, QUALITIES, UPS
@@ -70,6 +71,7 @@ def command_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"unveil {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, parser_class=_Parser, metavar="VERB")
     _add_whole_runs(verbs)
+    _add_check(verbs)
     _add_stages(verbs)
     _add_evaluate(verbs)
     _add_render(verbs)
@@ -104,8 +106,26 @@ def _add_whole_runs(verbs: _Verbs) -> None:
                 "--preview", action="store_true", help="draw labels and objects over the frames: WORKSPACE/preview"
             )
         _add_replace(p, "give a workspace with results of another drive this one: they are replaced")
+        _add_yes(p)
         _add_settings(p)
         _add_common(p)
+
+
+def _add_check(verbs: _Verbs) -> None:
+    p = verbs.add_parser("check", help="look at a drive before a run: what it is, what is assumed, what looks wrong")
+    p.add_argument("drive", type=Path)
+    p.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=None,
+        metavar="FILE.html",
+        help="the page, by default check_DRIVE.html here",
+    )
+    _add_replace(p, "write over a page that no check made")
+    _add_yes(p)
+    _add_settings(p)
+    _add_common(p)
 
 
 def _add_stages(verbs: _Verbs) -> None:
@@ -224,6 +244,7 @@ def _add_batch(verbs: _Verbs) -> None:
     p.add_argument("drives", type=Path, nargs="+", metavar="DRIVE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="of the batch and the workspaces")
     _add_replace(p, "write over the batch.json of other drives, or of another program")
+    _add_yes(p)
     _add_settings(p)
     _add_common(p)
     for name, text in (
@@ -303,6 +324,11 @@ def _add_replace(p: argparse.ArgumentParser, what: str) -> None:
     p.add_argument("--replace", action="store_true", help=what)
 
 
+def _add_yes(p: argparse.ArgumentParser) -> None:
+    """Of a verb that asks before it begins what is most probably a mistake; without a terminal it ends instead."""
+    p.add_argument("--yes", action="store_true", help="go on where a check of the drive would ask")
+
+
 def _add_device(p: argparse.ArgumentParser) -> None:
     """Of a verb that is no run: its device is recorded nowhere."""
     p.add_argument(
@@ -361,6 +387,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         metavar="UNITS_PER_METRE|auto",
         help="of the drive's coordinates, where they are not metres",
     )
+    add(
+        "--camera-height",
+        type=_metres,
+        metavar="METRES|auto",
+        help="of the cameras above the ground: the scale follows from it",
+    )
     add("--up", type=_axis, metavar="x|y|z|-x|-y|-z|auto", help="axis of the drive's coordinates that is up")
     add("--scene", type=_name_or_auto, metavar="NAME", help="of a dataset's folder that holds several drives")
     add("--cameras", type=_cameras, metavar="NAMES|all|auto", help="of a rig; by default a dataset's front camera")
@@ -381,7 +413,25 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         "--labels",
         type=_file_or_none,
         metavar="FOLDER|none",
-        help="Cityscapes trainIds of the frames, as CAMERA/STEM.png, in the place of the drive's own",
+        help="label pictures of the frames, as CAMERA/STEM.png, in the place of the drive's own",
+    )
+    add(
+        "--instance-maps",
+        type=_file_or_none,
+        metavar="FOLDER|none",
+        help="pictures of the ids of single objects, named likewise",
+    )
+    add(
+        "--label-classes",
+        type=_name_or_auto,
+        metavar="NAME|auto",
+        help=f"what label pictures hold: {', '.join(LABEL_CLASSES)}; by default what their values tell",
+    )
+    add(
+        "--mask-removes",
+        type=_name_or_auto,
+        metavar="black|white|auto",
+        help="which part of a mask is removed; by default black, as nerfstudio and COLMAP have it",
     )
     add(
         "--segmenter",
@@ -399,6 +449,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         "--shadows",
         metavar="auto|off|AZIMUTH,ELEVATION",
         help="remove the shadows of removed objects, keep them, or give the direction to the sun, in degrees",
+    )
+    add(
+        "--pose-convention",
+        type=_name_or_auto,
+        metavar="NAME|auto",
+        help=f"what the matrices of poses are: {', '.join(POSE_CONVENTIONS)}; by default the format's habit",
     )
     add("--movers", choices=MOVERS, help="remove dynamic objects from every frame, or treat them as static")
     add("--poses", choices=POSES, help="refine the cameras where the photographs disagree with them, or keep them")
@@ -448,6 +504,13 @@ def _scale(text: str) -> float | None:
         return None if text.strip() == "auto" else float(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} is no number of units in a metre, and not auto") from error
+
+
+def _metres(text: str) -> float | None:
+    try:
+        return None if text.strip() == "auto" else float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of metres, and not auto") from error
 
 
 def _axis(text: str) -> str | None:

@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from unveil_core.app.batch import run_batch_part
+from unveil_core.app.check import run_check
+from unveil_core.app.confirming import confirmed
 from unveil_core.app.console import reporting, say
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import STAGE_VERBS
@@ -23,6 +25,7 @@ from unveil_core.pipeline.settings import RunSettings
 if TYPE_CHECKING:  # the stages' module loads NumPy
     from unveil_core.base.progress import Progress
     from unveil_core.pipeline.stage import Reporter
+    from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["VERBS"]
 
@@ -53,12 +56,15 @@ def _run(arguments: argparse.Namespace) -> int:
 def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.run import run
 
-    with reporting(arguments.json) as reporter:
-        until = getattr(arguments, "until", None)
-        replace = getattr(arguments, "replace", False)
-        workspace = run(
-            drive, arguments.output, settings_of(arguments), until=until, replace=replace, reporter=reporter
-        )
+    until = getattr(arguments, "until", None)
+    replace = getattr(arguments, "replace", False)
+
+    def begun(yes: bool) -> Workspace:
+        with reporting(arguments.json) as reporter:
+            settings = settings_of(arguments)
+            return run(drive, arguments.output, settings, until=until, replace=replace, yes=yes, reporter=reporter)
+
+    workspace = confirmed(arguments, begun)
     if until in (None, "report"):
         from unveil_core.report.summary import print_summary
 
@@ -69,15 +75,19 @@ def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
 def _import(arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.run import run
 
-    with reporting(arguments.json) as reporter:
-        workspace = run(
-            arguments.drive,
-            arguments.output,
-            settings_of(arguments),
-            until="objects",
-            replace=arguments.replace,
-            reporter=reporter,
-        )
+    def begun(yes: bool) -> Workspace:
+        with reporting(arguments.json) as reporter:
+            return run(
+                arguments.drive,
+                arguments.output,
+                settings_of(arguments),
+                until="objects",
+                replace=arguments.replace,
+                yes=yes,
+                reporter=reporter,
+            )
+
+    workspace = confirmed(arguments, begun)
     if arguments.preview:
         from unveil_core.drives.imported import read_imported
         from unveil_core.labelling.preview import write_preview
@@ -252,6 +262,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "demo": _demo,
     "run": _run,
     "import": _import,
+    "check": run_check,
     **dict.fromkeys(STAGE_VERBS, _stage),
     "status": _status,
     "run-block": _run_block,

@@ -7,9 +7,27 @@ from dataclasses import dataclass
 
 from unveil_core.base.errors import SettingsError
 
-__all__ = ["ALL_SWEEPS", "KEY_SWEEPS", "DriveOptions", "frame_numbers", "frame_range"]
+__all__ = [
+    "ALL_SWEEPS",
+    "KEY_SWEEPS",
+    "LABEL_CLASSES",
+    "MASK_REMOVES",
+    "POSE_CONVENTIONS",
+    "DriveOptions",
+    "frame_numbers",
+    "frame_range",
+]
 
 ALL_SWEEPS, KEY_SWEEPS = "all", "key"
+LABEL_CLASSES = (
+    "cityscapes", "cityscapes-ids", "cityscapes-colours", "ade20k", "ade20k-from-1", "ade20k-colours", "mapillary", "carla",
+    "coco", "voc", "waymo", "waymo-28",
+)  # fmt: skip
+"""What pictures of classes may hold, by name; ``drives.labels.orders`` has the numbers, ``drives.labels.colours`` the colours."""
+MASK_REMOVES = ("black", "white")
+POSE_CONVENTIONS = ("opengl", "opencv", "world-to-camera", "world-to-camera-opengl")
+"""What a matrix of a pose may be: camera to world with axes x right, y up, z back (nerfstudio, Blender) or x right, y down, z
+forward; world to camera with the latter (COLMAP) or the former."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +39,11 @@ class DriveOptions:
     sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
     model: which of several COLMAP models: the name of its folder; several with commas between, or "all", join those that share
         pictures; None = the largest.
-    labels: path of a folder of label pictures in the place of the drive's own, see ``drives.importing.label_folder``; None = none.
+    labels: path of a folder of label pictures in the place of the drive's own, see ``drives.labels.folders``; None = none.
+    instance_maps: path of a folder of instance maps, likewise.
+    label_classes: what pictures of classes hold, one of ``drives.labels.codes.LABEL_CLASSES``; None = as their values tell.
+    mask_removes: "black" or "white", which of a mask is removed; None = black, as nerfstudio and COLMAP have it.
+    pose_convention: what the matrices of poses are, one of ``POSE_CONVENTIONS``; None = what is the format's habit.
 
     Raises:
         SettingsError: frames that are no range, unknown sweeps, or a model without a name.
@@ -33,6 +55,10 @@ class DriveOptions:
     sweeps: str = ALL_SWEEPS
     labels: str | None = None
     model: str | None = None
+    instance_maps: str | None = None
+    label_classes: str | None = None
+    mask_removes: str | None = None
+    pose_convention: str | None = None
 
     def __post_init__(self) -> None:
         if self.frames is not None:
@@ -43,6 +69,13 @@ class DriveOptions:
             raise SettingsError(
                 f"unknown model {self.model!r}", mend="use the name of its folder, as 1, or several as 1,2, or all"
             )
+        for name, given, known in (
+            ("label_classes", self.label_classes, LABEL_CLASSES),
+            ("mask_removes", self.mask_removes, MASK_REMOVES),
+            ("pose_convention", self.pose_convention, POSE_CONVENTIONS),
+        ):
+            if given is not None and given not in known:
+                raise SettingsError(f"unknown {name} {given!r}", mend=f"use one of {', '.join(known)}")
 
 
 def frame_numbers(text: str, count: int) -> list[int]:

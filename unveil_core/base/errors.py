@@ -8,6 +8,7 @@ from unveil_core.base.wording import shown
 
 __all__ = [
     "Cancelled",
+    "ConfirmError",
     "DiskFullError",
     "DriveError",
     "GpuMemoryError",
@@ -37,6 +38,10 @@ class UnveilError(Exception):
         if mend:
             line = f"{line} ({shown(mend)})"
         super().__init__(line)
+
+
+class ConfirmError(UnveilError):
+    """What is so surely a mistake that nothing is begun before the user confirms it: at a terminal, or by ``--yes``."""
 
 
 class DriveError(UnveilError):

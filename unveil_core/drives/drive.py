@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.checks.numbers_in_names import counting_numbers
 from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.labels.codes import LabelCodes
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 
@@ -97,10 +98,9 @@ class Frame:
         camera: intrinsics and pose; pose in the drive's local coordinates.
         image_path: the photograph.
         distortion: lens distortion of the file on disk, None once undistorted.
-        semantic_path: 8-bit PNG of Cityscapes trainIds (255 void), or None.
-        instance_path: 16-bit PNG of instance ids (0 none), or None.
-        mask_path: 8-bit PNG, 0 = remove, or None.
-        mask_is_white: the mask is one of Instant-NGP's, whose white is what is to be removed; never of an imported drive.
+        semantic_path: picture of classes, or None. instance_path: of instance ids, or None. mask_path: of what is removed, or None.
+            ``drives.labels.reading`` reads them.
+        codes: what these pictures hold; imported ones Cityscapes trainIds (255 void), ids (0 none) and 0 = remove.
         depth_path: depth file named by the drive, or None.
         timestamp: seconds, or None.
         boxes: of tracked objects at this frame's time, where the drive has any.
@@ -120,7 +120,6 @@ class Frame:
     semantic_path: Path | None = None
     instance_path: Path | None = None
     mask_path: Path | None = None
-    mask_is_white: bool = False
     depth_path: Path | None = None
     timestamp: float | None = None
     boxes: tuple[TrackedBox, ...] = ()
@@ -129,6 +128,7 @@ class Frame:
     ego_path: Path | None = None
     footage: Footage | None = None
     ego_rows: int = 0
+    codes: LabelCodes = field(default_factory=LabelCodes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +212,7 @@ class Drive:
         notices: what a user should know of how it was read, one line each.
         frame_rate: of its cameras, frames a second, from their time stamps; None where they have none. Set by import.
         key_frames: names of the annotated frames, where a dataset distinguishes them; None = all.
+        pose_convention: in which the poses of its files were read, one of ``base.drive_options.POSE_CONVENTIONS``.
     """
 
     root: Path
@@ -230,6 +231,7 @@ class Drive:
     notices: tuple[str, ...] = ()
     frame_rate: float | None = None
     key_frames: frozenset[str] | None = None
+    pose_convention: str = "opencv"
 
 
 def tracks(drive: Drive) -> list[list[int]]:

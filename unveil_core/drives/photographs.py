@@ -10,16 +10,13 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.files import write_bytes_atomic
 from unveil_core.base.output.copies import copied_or_linked
-from unveil_core.base.pictures.decoding import decode_image, read_image, read_image_as_it_is, read_label_image
-from unveil_core.base.types import Mask
+from unveil_core.base.pictures.decoding import decode_image, read_image, read_image_as_it_is
 from unveil_core.drives.drive import Footage, Frame
 
-__all__ = ["is_plain", "photograph", "read_footage", "removed_by_mask", "store_photograph"]
+__all__ = ["is_plain", "photograph", "read_footage", "store_photograph"]
 
 HEADER_BYTES = 26
 """Of a PNG: signature, size, bits a channel, kind of colour."""
-NEAR_BLACK = 16
-"""Levels up to which a mask counts as black, if white is what is to be removed: lossy files have noise."""
 RGB = 2
 """PNG's number for colour without a palette or transparency."""
 
@@ -63,15 +60,3 @@ def read_footage(footage: Footage) -> NDArray[np.uint8] | NDArray[np.uint16]:
         DriveError: missing, unreadable or cut short.
     """
     return read_image_as_it_is(footage.path)
-
-
-def removed_by_mask(frame: Frame) -> Mask | None:
-    """(H, W) bool, what the mask of a frame says is to be removed; None where it has none.
-
-    Raises:
-        DriveError: missing, unreadable or not 8 bits deep.
-    """
-    if frame.mask_path is None:
-        return None
-    mask = read_label_image(frame.mask_path)
-    return mask > NEAR_BLACK if frame.mask_is_white else mask == 0

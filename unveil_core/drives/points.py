@@ -34,11 +34,13 @@ SCANNED = frozenset(
 """Properties that only laser scanners write, in lower case; CloudCompare puts ``scalar_`` before them."""
 
 
-def read_points(path: Path) -> PointCloud:
+def read_points(path: Path, told: list[str] | None = None) -> PointCloud:
     """Read x y z (any number type) and, where present, red green blue, and what :func:`write_points` writes.
 
+    Args:
+        told: gets a line of how many points were left out, whose coordinates are not finite; None = such points are an error.
     Raises:
-        DriveError: missing, not a PLY, without x y z, without points, or with coordinates that are not finite.
+        DriveError: missing, not a PLY, without x y z, without points that count, or see ``told``.
     """
     if not path.is_file():
         raise DriveError(
@@ -55,11 +57,17 @@ def read_points(path: Path) -> PointCloud:
         raise DriveError(problem, path=path, mend="export it again") from error
     if not len(positions):
         raise DriveError("holds no points", path=path, mend="a drive needs LiDAR or SfM points")
-    if not np.isfinite(positions).all():
-        finite = np.isfinite(positions).all(axis=1)
-        raise DriveError(f"point {int(np.argmin(finite))} is not finite", path=path, mend="remove it")
+    finite = np.asarray(np.isfinite(positions).all(axis=1))
+    lost = int(len(finite) - finite.sum())
+    if lost and (told is None or lost == len(finite)):
+        problem = f"{lost} of {len(finite)} points are not finite, the first of them {int(np.argmin(finite))}"
+        raise DriveError(problem, path=path, mend="export it again without NaN and infinity")
     bare = {n.lower().removeprefix("scalar_") for n in vertices.names}
-    return PointCloud(positions, colors, bool(bare & SCANNED), classes, moving)
+    cloud = PointCloud(positions, colors, bool(bare & SCANNED), classes, moving)
+    if lost and told is not None:
+        told.append(f"{path.name}: {lost} of {len(finite)} points are NaN or infinite and are left out")
+        cloud = cloud.select(finite)
+    return cloud
 
 
 def _colors_of(vertices: Vertices) -> NDArray[np.uint8] | None:

@@ -1,6 +1,7 @@
 """How a drive's own coordinates lie to those that everything inside uses: how long a metre is in them, and which way is up.
 
-What the user gives decides, then what the files tell. Where neither knows, cameras and points do:
+What the user gives decides, the scale or the height of the cameras, then what the files tell. Where neither knows, cameras and
+points do:
 
 * Up. Cameras drive along level ground more or less, and their x axes stay level when they are pitched: both together give a first
   direction. Around it a plane is looked for that most points below the cameras lie in, each relative to its nearest camera, so that
@@ -11,14 +12,15 @@ What the user gives decides, then what the files tell. Where neither knows, came
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
-from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.checks.points_seen import some_points
+from unveil_core.drives.drive import Drive, PointCloud, tracks
 from unveil_core.geometry.axes import UP, upright
 from unveil_core.geometry.cloud import every_nth
 from unveil_core.geometry.similarity import Similarity
@@ -60,6 +62,8 @@ MOST_POINTS, MOST_SCORED, TRIES = 100_000, 4_000, 400
 """Points that are looked at, those of them that a plane is scored by, and planes tried."""
 
 
+GIVEN_HEIGHT = "given height"
+"""Source of a scale that follows from the cameras' height, which the user gives."""
 ESTIMATED_SCALES = ("camera height", "nothing")
 """Sources of a scale that is a guess."""
 ESTIMATED_UPS = ("ground", "cameras")
@@ -71,11 +75,12 @@ class Placement:
 
     Attributes:
         to_world: scale and rotation from local to the drive's own coordinates; no translation.
-        scale_source: "given", "metric", "depth unit", "measured points", "applied_scale", or, estimated, "camera height" and
-            "nothing".
+        scale_source: "given", "given height", "metric", "depth unit", "measured points", "applied_scale", or, estimated,
+            "camera height" and "nothing".
         up_source: "given", "drive", or, estimated, "ground" and "cameras".
         height: of the cameras above the ground, in units of the drive, where it was needed; None = not looked for or not found.
         before: the scale was estimated when the drive, now of metres, was imported into another workspace.
+        height_m: of the cameras above the ground, as given.
     """
 
     to_world: Similarity
@@ -83,6 +88,7 @@ class Placement:
     up_source: str
     height: float | None = None
     before: bool = False
+    height_m: float | None = None
 
     @property
     def scale_is_known(self) -> bool:
@@ -112,6 +118,10 @@ class Placement:
         scale = self.to_world.scale
         scales = {
             "given": f"1 m is {scale:g} units, as given",
+            GIVEN_HEIGHT: (
+                f"1 m is {scale:.4g} units, since the cameras are {self.height or 0:.4g} units above the ground, "
+                f"and {self.height_m} m as given"
+            ),
             "metric": "coordinates are metres, as the drive says",
             "depth unit": "coordinates are metres, as the unit of the depth images says",
             "measured points": "coordinates are metres, as a laser scanner measured the points",
@@ -146,14 +156,17 @@ class Placement:
         }
 
 
-def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = None) -> Placement:
+def place_drive(
+    drive: Drive, *, scale: float | None = None, up: str | None = None, camera_height_m: float | None = None
+) -> Placement:
     """Scale and up of a drive, given, read from the drive, or estimated.
 
     Args:
         drive: as read from disk.
         scale: units per metre that the user gives; up: a name in :data:`UP_AXES` likewise.
+        camera_height_m: height of the cameras above the ground likewise, from which the scale follows; metres.
     Raises:
-        DriveError: a pose that is none, or a scale that is none.
+        DriveError: a pose that is none, a scale that is none, or no ground whose distance the height could be.
     """
     for frame in drive.frames:
         if not np.isfinite(frame.camera.world_to_camera).all():
@@ -166,7 +179,15 @@ def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = No
         axis, source = estimate_up(drive)
     height = None
     units, scale_source = (scale, "given") if scale is not None else (drive.units_per_metre, drive.scale_source)
-    if units is None or scale_source in ("depth unit", "measured points", "applied_scale"):
+    if scale is None and camera_height_m is not None:
+        height = camera_height(drive if len(drive.points.positions) else _with_some_points(drive), axis)
+        if height is None:
+            problem = "shows no ground below its cameras, so nothing tells how high they are in its units"
+            raise DriveError(
+                problem, path=drive.root, mend="give --scale UNITS_PER_METRE in the place of --camera-height"
+            )
+        units, scale_source = height / camera_height_m, GIVEN_HEIGHT
+    elif units is None or scale_source in ("depth unit", "measured points", "applied_scale"):
         height = camera_height(drive, axis)
         low, high = BELIEVED_HEIGHTS_M
         if units is not None and height is not None and not low <= height / units <= high:
@@ -177,9 +198,14 @@ def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = No
     else:
         before = scale is None and scale_source in ESTIMATED_SCALES
     try:
-        return Placement(Similarity(units, upright(axis)), scale_source, source, height, before)
+        return Placement(Similarity(units, upright(axis)), scale_source, source, height, before, camera_height_m)
     except ValueError as error:
         raise DriveError(f"has no frame: {error}", path=drive.root, mend="give --scale and --up") from error
+
+
+def _with_some_points(drive: Drive) -> Drive:
+    """A drive that has its points in sweeps, with some of them."""
+    return replace(drive, points=PointCloud(some_points(drive)))
 
 
 def camera_height(drive: Drive, up: Float64) -> float | None:

@@ -221,7 +221,7 @@ def _planned(path: Path, name: str, root: Path, settings: RunSettings, machine: 
     opened = open_drive(path, settings.drive_options)
     if not opened.frames:
         raise DriveError("has no frames", path=path)
-    placement = place_drive(opened, scale=settings.scale, up=settings.up)
+    placement = place_drive(opened, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
     work = workload_of(localized(opened, placement), settings)
     expected = forecast(work, [stage.name for stage in STAGES], machine)
     return BatchDrive(

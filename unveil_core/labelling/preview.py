@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.written import check_writable, note_written
-from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.cityscapes import CITYSCAPES
 from unveil_core.drives.drive import Drive, Frame, FrameLabels
+from unveil_core.drives.labels.reading import instances_of, semantics_of
 from unveil_core.labelling.object_points import REMOVABLE_IDS
 from unveil_core.semantics.classes import COLORS
 
@@ -88,8 +89,7 @@ def preview(image: NDArray[np.uint8], frame: Frame, labels: FrameLabels | None) 
 def _own_labels(frame: Frame) -> FrameLabels | None:
     if frame.semantic_path is None:
         return None if frame.labels is None else frame.labels()
-    instance = None if frame.instance_path is None else read_instance_image(frame.instance_path)
-    return FrameLabels(read_label_image(frame.semantic_path), instance)
+    return FrameLabels(semantics_of(frame), None if frame.instance_path is None else instances_of(frame))
 
 
 def _draw_boxes(picture: NDArray[np.uint8], frame: Frame, times: int) -> None:

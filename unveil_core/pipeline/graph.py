@@ -20,6 +20,7 @@ from unveil_core.pipeline.outside import (
     files_of_networks,
     files_of_truth,
 )
+from unveil_core.pipeline.settings import OF_DRIVES
 from unveil_core.pipeline.stage import Stage
 
 __all__ = ["STAGES"]
@@ -44,20 +45,7 @@ STAGES: tuple[Stage, ...] = (
         later("import_"),
         (),
         ("drive",),
-        (
-            "work_side",
-            "quality",
-            "scale",
-            "up",
-            "scene",
-            "cameras",
-            "frames",
-            "sweeps",
-            "model",
-            "labels",
-            "poses",
-            "segmenter",
-        ),
+        ("work_side", "quality", "scale", "camera_height", "up", *OF_DRIVES, "poses", "segmenter"),
         outside=files_of_drive,
         check=check_segmenter,
     ),

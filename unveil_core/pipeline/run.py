@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from unveil_core.base.errors import InUseError, UnveilError, WorkspaceError
+from unveil_core.base.errors import ConfirmError, InUseError, UnveilError, WorkspaceError
 from unveil_core.base.kernels.device import check_device
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing.check import check_drive
+from unveil_core.drives.checks.findings import Finding, worst_first
+from unveil_core.drives.checks.look_over import looked_over
+from unveil_core.drives.drive import Drive
+from unveil_core.drives.importing.check import Checked, check_drive
 from unveil_core.drives.importing.colours import colour_notices
 from unveil_core.drives.marked import marked_objects
-from unveil_core.drives.scale_and_up import place_drive
+from unveil_core.drives.scale_and_up import Placement, place_drive
 from unveil_core.drives.selecting import named_frames
 from unveil_core.labelling.segmenter import NO_LABELS_HELP
 from unveil_core.pipeline.forecasting import expected_of
@@ -26,9 +30,10 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
 from unveil_core.pipeline.steps.import_ import labels_come_from
 from unveil_core.semantics.labels import choose_labels
+from unveil_core.semantics.too_much import much_removed
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["run", "run_verb", "stage_named"]
+__all__ = ["found_wrong", "run", "run_verb", "stage_named"]
 
 
 def stage_named(name: str) -> Stage:
@@ -43,6 +48,7 @@ def run(
     *,
     until: str | None = None,
     replace: bool = False,
+    yes: bool = False,
     reporter: Reporter = silent,
 ) -> Workspace:
     """Run everything that is missing or changed, from a drive on disk to the report.
@@ -53,8 +59,10 @@ def run(
         settings: what to remove and how; defaults remove everything removable.
         until: name of the last stage to run.
         replace: whether a workspace with results of another drive may be given this one.
+        yes: go on where a check would have the user confirm it.
         reporter: receives each event as a dict.
     Raises:
+        ConfirmError: the drive is so surely not what it is taken for that somebody must confirm it.
         UnveilError: bad input, a workspace in, of or around a drive, or with results of another drive; a workspace that this call
             made is deleted again.
         Cancelled: SIGINT or SIGTERM; calling again continues.
@@ -68,9 +76,10 @@ def run(
     first = not Workspace.may_be(workspace)
     if not first and not replace:
         check_same_drive(Workspace.open(workspace), Path(drive), opened)
+    checked = None
     if first:
         # Before anything is made: whether the drive is whole and the selection selects something.
-        check_drive(opened, _every_second(reporter))
+        checked = check_drive(opened, _every_second(reporter))
     labels = labels_come_from(opened, settings)
     # Before the choice is made, and where labels only come with the import, nothing can be checked.
     if first and until not in ("import", "objects") and labels in ("drive", "nothing"):
@@ -80,10 +89,16 @@ def run(
             choose_labels(opened, settings.remove, listed)
     if settings.keyframes:
         named_frames(opened.frames, settings.keyframes)
-    placed = place_drive(opened, scale=settings.scale, up=settings.up)
+    placed = place_drive(opened, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
+    findings = [] if checked is None else found_wrong(opened, placed, settings, checked)
+    if findings and findings[0].asks and not yes:
+        raise ConfirmError(
+            findings[0].problem, path=opened.root, mend=f"{findings[0].mend}; --yes goes on all the same"
+        )
     level = "warning" if placed.surprising else "notice"
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
     notices += [Notice("import", line, "warning") for line in (*opened.notices, *colour_notices(opened.frames))]
+    notices += [] if not findings else [_worst(findings)]
     if labels == "nothing" and settings.marked is None:
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))
     space = Workspace.create(workspace)
@@ -103,6 +118,22 @@ def run(
                     shutil.rmtree(space.root, ignore_errors=True)
         raise
     return space
+
+
+def found_wrong(drive: Drive, placed: Placement, settings: RunSettings, checked: Checked) -> list[Finding]:
+    """What looks wrong with a drive as read, the worst first.
+
+    Args:
+        checked: what :func:`check_drive` saw of its labels.
+    """
+    much = much_removed(drive, checked, settings.remove, settings.instances)
+    rest = looked_over(drive, placed, convention_given=settings.pose_convention is not None)
+    return list(worst_first([*([] if much is None else [much]), *rest]))
+
+
+def _worst(findings: Sequence[Finding]) -> Notice:
+    more = f"; {len(findings) - 1} more, which unveil check shows" if len(findings) > 1 else ""
+    return Notice("import", f"LOOK AT THE DRIVE: {findings[0].line}{more}", "warning")
 
 
 def _every_second(reporter: Reporter) -> Progress:

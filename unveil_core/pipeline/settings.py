@@ -23,8 +23,14 @@ UPS = ("x", "y", "z", "-x", "-y", "-z")
 """Axes of a drive that may be up; the directions are ``drives.placement.UP_AXES``."""
 LEAST_MEMORY = 64 << 20
 """Fewest bytes for the frames of a stage: a few of 1920x1280 with all that training asks of them."""
+HEIGHTS_M = (0.05, 200.0)
+"""Of cameras above the ground: from toys to drones."""
 MOST_GROWN_PX = 200
 """By which an object's mask may be enlarged: a tenth of the width of full HD."""
+OF_DRIVES = (
+    "scene", "cameras", "frames", "sweeps", "labels", "instance_maps", "label_classes", "mask_removes", "pose_convention",
+)  # fmt: skip
+"""Settings that tell which part of a drive is read, and how, see ``base.drive_options.DriveOptions``."""
 UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 
@@ -60,13 +66,18 @@ class RunSettings:
         corrections: path of a JSON file of clean frames that a person mended (see ``corrections.files``); made absolute; None =
             none.
         scale: units of the drive's coordinates in a metre; None = as its files tell, else estimated.
+        camera_height: of the cameras above the ground, metres, from which the scale follows; None = it does not.
         up: the axis of the drive that is up, one of ``UPS``; None likewise.
         poses: "auto" refines the cameras' poses against the photographs where these clearly disagree with them (see
             ``drives.importing.refined_poses``), "given" keeps them.
         work_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
             ``pipeline.steps.import_.WORKING_SIZE_PX``.
-        scene, cameras, frames, sweeps, model: which part of a drive is read, see ``base.drive_options.DriveOptions``.
-        labels: path of a folder of label pictures for the frames, likewise, made absolute; None = the drive's own.
+        scene, cameras, frames, sweeps, model: which part of a dataset is read, see ``base.drive_options.DriveOptions``.
+        labels, instance_maps: paths of folders of label pictures and instance maps for the frames, likewise, made absolute; None =
+            the drive's own.
+        label_classes, mask_removes: what pictures of classes hold and which end of a mask is removed, likewise; None = as their
+            values tell, and black.
+        pose_convention: what the matrices of poses are, likewise; None = what is the format's habit.
         memory: how much the frames that a stage holds may take, as "4G" or "512M" (see ``base.frame_cache``); results do not depend
             on it.
         segmenter: path of an ONNX file that labels the frames (see ``labelling.segmenter``), made absolute; None = the labels
@@ -112,6 +123,7 @@ class RunSettings:
     corrections: str | None = None
     per_object: tuple[str, ...] = ()
     scale: float | None = None
+    camera_height: float | None = None
     up: str | None = None
     scene: str | None = None
     cameras: tuple[str, ...] = ()
@@ -119,6 +131,10 @@ class RunSettings:
     sweeps: str = ALL_SWEEPS
     model: str | None = None
     labels: str | None = None
+    instance_maps: str | None = None
+    label_classes: str | None = None
+    mask_removes: str | None = None
+    pose_convention: str | None = None
     segmenter: str | None = None
     memory: str = "4G"
 
@@ -130,7 +146,7 @@ class RunSettings:
         _ = self.drive_options  # which are checked where they are made
         if self.labels is not None and self.segmenter is not None:
             raise SettingsError("labels come from a folder and from a network", mend="give --labels or --segmenter")
-        for name in ("marked", "corrections", "labels"):
+        for name in ("marked", "corrections", "labels", "instance_maps"):
             if (given := getattr(self, name)) is not None:
                 object.__setattr__(self, name, str(Path(given).expanduser().absolute()))
         for name, path in self.networks.items():  # a later call may come from another folder
@@ -160,6 +176,11 @@ class RunSettings:
             raise SettingsError(
                 f"scale {self.scale:g} is out of range", mend="give the units in a metre, 0.000001 to 1,000,000"
             )
+        if self.camera_height is not None and not HEIGHTS_M[0] <= self.camera_height <= HEIGHTS_M[1]:
+            problem = f"camera_height {self.camera_height:g} is out of range"
+            raise SettingsError(problem, mend=f"give metres above the ground, {HEIGHTS_M[0]} to {HEIGHTS_M[1]:g}")
+        if self.camera_height is not None and self.scale is not None:
+            raise SettingsError("the scale is given twice", mend="give --scale or --camera-height")
         if (bytes_of(self.memory) or 0) < LEAST_MEMORY:
             raise SettingsError(
                 f"memory {self.memory!r} is too little, or no size", mend="use 64M or more, as 512M or 4G"
@@ -215,13 +236,23 @@ class RunSettings:
     @property
     def drive_options(self) -> DriveOptions:
         """Which part of the drive is read."""
-        return DriveOptions(self.scene, self.cameras, self.frames, self.sweeps, self.labels, self.model)
+        return DriveOptions(
+            self.scene,
+            self.cameras,
+            self.frames,
+            self.sweeps,
+            labels=self.labels,
+            model=self.model,
+            instance_maps=self.instance_maps,
+            label_classes=self.label_classes,
+            mask_removes=self.mask_removes,
+            pose_convention=self.pose_convention,
+        )
 
     def without_drive_options(self) -> RunSettings:
         """The same for another drive, that is read whole and has its labels."""
-        return replace(
-            self, scene=None, cameras=(), frames=None, sweeps=ALL_SWEEPS, model=None, labels=None, segmenter=None
-        )
+        usual = RunSettings()
+        return replace(self, **{name: getattr(usual, name) for name in (*OF_DRIVES, "segmenter")})
 
     @property
     def files(self) -> dict[str, Path]:

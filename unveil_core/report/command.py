@@ -12,10 +12,10 @@ __all__ = ["SETTINGS", "name_of_path", "repeating_command"]
 
 SETTINGS = frozenset(
     (
-        "adapt", "baselines", "cameras", "corrections", "device", "frames", "inpainter", "instances", "iterations",
-        "keyframes", "labels", "marked", "memory", "model", "movers", "order", "per_object", "poses", "quality",
-        "reference_inpainter", "remove", "scale", "scene", "seed", "segmenter", "sh_degree", "shadows", "splats", "sweeps",
-        "up", "work_side",
+        "adapt", "baselines", "camera_height", "cameras", "corrections", "device", "frames", "inpainter",
+        "instance_maps", "instances", "iterations", "keyframes", "label_classes", "labels", "marked", "mask_removes",
+        "memory", "model", "movers", "order", "per_object", "pose_convention", "poses", "quality", "reference_inpainter",
+        "remove", "scale", "scene", "seed", "segmenter", "sh_degree", "shadows", "splats", "sweeps", "up", "work_side",
     )
 )  # fmt: skip
 """Of a run; named here again because they are defined above this package: a test compares the two. Others give no command, for a

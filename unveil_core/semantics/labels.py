@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError, SelectionError
 from unveil_core.base.frame_cache import FrameCache, Frames
-from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.photographs import removed_by_mask
+from unveil_core.drives.labels.codes import BLACK
+from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_of
 from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
 
 __all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "frame_labels", "labels_of_frames"]
@@ -108,7 +109,7 @@ def find_labels(drive: Drive) -> SceneLabels:
     if with_semantics:
         counts = np.zeros(256, dtype=np.int64)
         for frame in with_semantics:
-            counts += np.bincount(read_label_image(frame.semantic_path).ravel(), minlength=256)  # type: ignore[arg-type]
+            counts += np.bincount(semantics_of(frame).ravel(), minlength=256)
         labels = LabelSet.cityscapes(np.flatnonzero(counts[:19]))
         pixel_counts = tuple(int(counts[i]) for i in labels.disk_ids)
         default = tuple(n for n in REMOVABLE if n in labels.names)
@@ -116,10 +117,9 @@ def find_labels(drive: Drive) -> SceneLabels:
     masked = [f for f in drive.frames if f.mask_path is not None]
     removed_pixels = kept = 0
     for frame in masked:
-        mask = removed_by_mask(frame)
-        assert mask is not None
-        removed_pixels += int(mask.sum())
-        kept += int((~mask).sum())
+        gone = mask_of(frame)
+        removed_pixels += int(gone.sum())
+        kept += int(gone.size - gone.sum())
     if not masked:
         kept = sum(f.camera.width * f.camera.height for f in drive.frames)
     removed = ("remove",) if removed_pixels else ()
@@ -155,6 +155,10 @@ def choose_labels(
     chosen = tuple(n for n in wanted if counts.get(n, 0) > 0)
     if instances:
         _check_instances(drive, instances, known)
+    elif not chosen and scene.source == "masks":
+        removes = drive.frames[0].codes.mask.removes
+        mend = "--mask-removes white turns them round" if removes == BLACK else "leave --mask-removes white out"
+        raise SelectionError(f"nothing to remove: no mask has anything {removes}, which is what is removed", mend=mend)
     elif not chosen:
         asked = ", ".join(remove) if remove else ", ".join(REMOVABLE)
         found = ", ".join(n for n, c in counts.items() if c) or "nothing"
@@ -164,10 +168,10 @@ def choose_labels(
 
 def _check_instances(drive: Drive, instances: Sequence[int], known: Collection[int] | None) -> None:
     if known is None:
-        pictures = [f.instance_path for f in drive.frames if f.instance_path is not None]
-        if not pictures:  # the objects of such a drive are found after its import
+        mapped = [f for f in drive.frames if f.instance_path is not None]
+        if not mapped:  # the objects of such a drive are found after its import
             return
-        known = {int(i) for path in pictures for i in np.unique(read_instance_image(path)) if i}
+        known = {int(i) for frame in mapped for i in np.unique(instances_of(frame)) if i}
     missing = [i for i in instances if i not in known]
     if missing:
         listed = ", ".join(str(i) for i in sorted(known)) or "none"
@@ -177,17 +181,16 @@ def _check_instances(drive: Drive, instances: Sequence[int], known: Collection[i
 def frame_labels(frame: Frame, scene: SceneLabels) -> NDArray[np.int64]:
     """(H, W) compact labels of a frame, -1 where unknown (void, an overlooked object, or a frame without a mask)."""
     if scene.source == "semantics":
-        label = scene.labels.compact(read_label_image(frame.semantic_path))  # type: ignore[arg-type]
+        label = scene.labels.compact(semantics_of(frame))
         without = None if scene.overlooked is None else scene.overlooked / frame.camera_name / f"{frame.name}.png"
         if without is not None and without.is_file():
             label[read_label_image(without) > 127] = -1
         return label
     if scene.source == "nothing":
         return np.zeros((frame.camera.height, frame.camera.width), dtype=np.int64)
-    mask = removed_by_mask(frame)
-    if mask is None:
+    if frame.mask_path is None:
         return np.full((frame.camera.height, frame.camera.width), -1, dtype=np.int64)
-    return mask.astype(np.int64)
+    return mask_of(frame).astype(np.int64)
 
 
 def labels_of_frames(frames: Sequence[Frame], scene: SceneLabels, cache: FrameCache) -> Sequence[NDArray[np.int64]]:
@@ -200,4 +203,4 @@ def frame_instances(frame: Frame) -> NDArray[np.int64] | None:
     """(H, W) instance ids of a frame, 0 = none; None where the drive has no instance image for it."""
     if frame.instance_path is None:
         return None
-    return read_instance_image(frame.instance_path).astype(np.int64)
+    return instances_of(frame).astype(np.int64)

@@ -166,7 +166,10 @@ def find_objects(
             boxes.get(number),
         )
         for number, seen in sorted(sightings.items())
+        # An object of which no pixel and no point has a class is none that could be chosen.
+        if number in classes or (all_labels[members[number]] >= 0).any()
     ]
+    sightings = {o.id: sightings[o.id] for o in found}
     all_ids[~np.isin(all_ids, list(sightings))] = 0
     taken = {o.id for o in found}
     for mark in marked:

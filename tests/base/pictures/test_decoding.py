@@ -58,6 +58,7 @@ OTHERS = {
     "GIF": b"GIF89a" + bytes(60),
     "OpenEXR": b"\x76\x2f\x31\x01" + bytes(60),
     "AVIF": b"\0\0\0\x20ftypavif" + bytes(60),
+    "HEIC": b"\0\0\0\x2cftypheic" + bytes(60),
     "BigTIFF": b"II+\0\x08\0\0\0" + bytes(60),
     "WebP's container with sound": b"RIFF\x24\0\0\0WAVEfmt " + bytes(60),
     "a text": b"P3 is no picture",
@@ -99,6 +100,12 @@ def test_the_camera_is_asked_before_a_decoder(name: str, decoder: list[bytes], t
     with pytest.raises(DriveError, match=r"is 32x24 pixels, its camera says 33x24"):
         decode_image(encoded(name), tmp_path, (33, 24))
     assert decoder == []
+
+
+@pytest.mark.parametrize("name", ["JPEG 2000", "GIF", "OpenEXR", "AVIF", "HEIC", "BigTIFF"])
+def test_a_known_format_that_is_not_read_is_named(name: str, tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match=rf"is {name}, which is not read"):
+        size_of_image(OTHERS[name], tmp_path / "a.jpg")
 
 
 @pytest.mark.parametrize("name", OTHERS)

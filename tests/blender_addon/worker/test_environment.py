@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import http.server
 import os
+import shutil
 import signal
+import ssl
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -100,6 +104,54 @@ def test_it_ends_with_who_started_it(sign: str, tmp_path: Path) -> None:
     assert until(lambda: process.poll() is not None, 10) and not alive(process.pid)
     assert process.returncode == 130 and not folder.exists()
     assert until(lambda: not any_of_group(process.pid), 2)  # who was ended may lie there until somebody looks
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="no certificate can be made")
+def test_a_network_that_opens_connections_is_told_from_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a server whose certificate nobody has signed, as of a company that inspects what goes out."""
+    made = ["-subj", "/CN=127.0.0.1", "-keyout", str(tmp_path / "key.pem"), "-out", str(tmp_path / "certificate.pem")]
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", *made], check=True)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(tmp_path / "certificate.pem", tmp_path / "key.pem")
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.SimpleHTTPRequestHandler)
+    server.socket = context.wrap_socket(server.socket, server_side=True)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    monkeypatch.delenv("PIP_NO_INDEX")
+    monkeypatch.setenv("PIP_INDEX_URL", f"https://127.0.0.1:{server.server_address[1]}/simple")
+    monkeypatch.setenv("PIP_RETRIES", "0")
+    try:
+        state = job(tmp_path / "environment", "street_shapes==1.0").wait(120)
+    finally:
+        server.shutdown()
+        server.server_close()
+    assert state.status == "failed" and "street_shapes==1.0 was not found in the package index" in state.error
+    assert (
+        "its certificate is not trusted" in state.error and "PIP_CERT" in state.error and "is there" not in state.error
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        (
+            "SSLError(SSLCertVerificationError(1, '[SSL: CERTIFICATE_VERIFY_FAILED] certificate verify failed'))",
+            "certificate",
+        ),
+        (
+            "ProxyError('Cannot connect to proxy.', OSError('Tunnel connection failed: 407 Proxy Authentication Required'))",
+            "proxy",
+        ),
+        (
+            "Failed to establish a new connection: [Errno -3] Temporary failure in name resolution",
+            "there is no network",
+        ),
+        ("ERROR: HTTP error 403 while getting: 403 Client Error: Forbidden for url", "refuses the request"),
+        ("Collecting numpy", ""),
+    ],
+)
+def test_what_pip_says_of_the_connection_is_understood(line: str, told: str) -> None:
+    found = environment._network_trouble(line)
+    assert (told in found) if told else found == ""
 
 
 def test_what_is_installed(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ written where they must not.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,13 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import is_out_of_memory
-from unveil_core.base.pictures.headers import OTHERS, Header, format_of, header_of
+from unveil_core.base.pictures.headers import Header, format_of, header_of, is_lossy, unread_format_of
 from unveil_core.base.pictures.metadata import Metadata, metadata_of
+from unveil_core.base.pictures.orientation import SWAPS_SIDES, orientation_of
+from unveil_core.base.pictures.palettes import indexed
 
 __all__ = [
+    "Values",
     "decode_image",
     "decode_unchanged",
     "read_image",
@@ -31,6 +35,7 @@ __all__ = [
     "read_label_image",
     "read_metadata",
     "read_unchanged",
+    "read_values",
     "size_of_image",
 ]
 
@@ -69,7 +74,7 @@ def _header(content: bytes, path: Path) -> Header:
     if not content:
         raise DriveError("is empty", path=path, mend=FROM_SOURCE)
     if format_of(content) is None:
-        other = next((name for start, name in OTHERS if content.startswith(start)), None)
+        other = unread_format_of(content)
         problem = "is not a readable image" if other is None else f"is {other}, which is not read"
         raise DriveError(problem, path=path, mend=AGAIN)
     header = header_of(content)
@@ -83,7 +88,7 @@ def _header(content: bytes, path: Path) -> Header:
 def _decode(content: bytes, path: Path, flags: int, size: tuple[int, int] | None = None) -> NDArray[np.generic]:
     """Decode a picture; ``size`` (width, height) is what its camera says, None = any."""
     header = _header(content, path)
-    _check_size(path, (header.width, header.height), size)
+    _check_size(path, (header.width, header.height), size, content)
     if header.width * header.height * header.pixel_bytes > MOST_BYTES:
         raise DriveError(
             f"claims {header.width}x{header.height} pixels of {header.pixel_bytes} bytes", path=path, mend=AGAIN
@@ -119,8 +124,20 @@ def decode_unchanged(content: bytes, path: Path, size: tuple[int, int] | None = 
     return _decode(content, path, cv2.IMREAD_UNCHANGED, size)
 
 
-def _check_size(path: Path, found: tuple[int, int], wanted: tuple[int, int] | None) -> None:
-    """Raise a DriveError where an image has another size (width, height) than its camera, or is too large for any."""
+def _check_size(path: Path, found: tuple[int, int], wanted: tuple[int, int] | None, content: bytes = b"") -> None:
+    """Raise a DriveError where an image has another size (width, height) than its camera, or is too large for any; ``content``: its
+    file, which may say that it is to be turned."""
+    if wanted is not None and found == wanted[::-1]:
+        turned, stored, shown = orientation_of(content), f"{found[0]}x{found[1]}", f"{wanted[0]}x{wanted[1]}"
+        if turned in SWAPS_SIDES:
+            problem = f"is {stored} pixels as it is stored, and {shown}, as its camera says, only as EXIF has it shown ({turned})"
+            mend = "calibrate the stored pixels and turn the poses with them, or turn the files themselves, as exiftran -ai does"
+        else:
+            problem, mend = (
+                f"is {stored} pixels, its camera says {shown}",
+                "width and height are swapped: correct w and h",
+            )
+        raise DriveError(problem, path=path, mend=mend)
     if wanted is not None and found != wanted:
         raise DriveError(
             f"is {found[0]}x{found[1]} pixels, its camera says {wanted[0]}x{wanted[1]}",
@@ -204,6 +221,47 @@ def read_label_image(path: Path, size: tuple[int, int] | None = None) -> NDArray
     if image.dtype != np.uint8:
         raise DriveError(f"has {image.dtype} pixels", path=path, mend="labels and masks are 8-bit PNGs")
     return np.ascontiguousarray(image)
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """What a picture holds, before anybody says what its numbers mean.
+
+    Attributes:
+        pixels: (H, W), or (H, W, C) with C of 3 RGB or 4 RGBA; 8 or 16 bits. Of a picture with a palette the numbers of that.
+        palette: (N, 3) uint8 RGB; None where there is none.
+        lossy: its format changes numbers a little, as JPEG does.
+    """
+
+    pixels: NDArray[np.uint8] | NDArray[np.uint16]
+    palette: NDArray[np.uint8] | None = None
+    lossy: bool = False
+
+
+def read_values(path: Path, size: tuple[int, int] | None = None) -> Values:
+    """The numbers of a label picture or a mask as its file has them.
+
+    Args:
+        size: see :func:`decode_image`.
+    Raises:
+        DriveError: missing, unreadable, of another size, or with other numbers than whole ones of 8 or 16 bits.
+    """
+    content = _content_of(path)
+    lossy = is_lossy(content)
+    _header(content, path)
+    own = indexed(content)
+    if own is not None:
+        numbers = _decode(own.grey, path, cv2.IMREAD_UNCHANGED, size)
+        if numbers.ndim == 2 and numbers.dtype == np.uint8:
+            numbers = numbers // own.step
+            if int(numbers.max(initial=0)) < len(own.palette):
+                return Values(np.asarray(numbers, np.uint8), own.palette)
+    image = _decode(content, path, cv2.IMREAD_UNCHANGED, size)
+    if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
+        raise DriveError(f"has {image.dtype} pixels", path=path, mend="labels and masks are pictures of 8 or 16 bits")
+    order = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
+    pixels: Any = cv2.cvtColor(image, order[image.shape[2]]) if image.ndim == 3 else image
+    return Values(pixels, None, lossy)
 
 
 def read_instance_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint16]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from unveil_core.base.pictures.tiff_header import TIFF, TiffHeader, tiff_header
 
-__all__ = ["OTHERS", "Header", "format_of", "header_of"]
+__all__ = ["BMP", "MOST_CHUNKS", "PNG", "Header", "format_of", "header_of", "is_lossy", "unread_format_of"]
 
 PNG = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
@@ -44,18 +44,28 @@ BMP_BITS = (1, 4, 8, 16, 24, 32)
 BMP_PLAIN = (0, 3)
 """Of its kinds of compression those that are none: as they are, and with masks of the channels."""
 RIFF = b"RIFF"
+WEBP_HEAD = 1 << 16
+"""Bytes of a WebP in which the kind of its picture is told: profiles may come before."""
 OTHERS = (
     (b"\0\0\0\x0cjP  \r\n\x87\n", "JPEG 2000"),
     (b"\xff\x4f\xff\x51", "JPEG 2000"),
     (b"GIF8", "GIF"),
     (b"\x76\x2f\x31\x01", "OpenEXR"),
     (b"#?R", "Radiance HDR"),
-    (b"\0\0\0\x20ftypavif", "AVIF"),
-    (b"\0\0\0\x1cftypavif", "AVIF"),
     (b"II+\0", "BigTIFF"),
     (b"MM\0+", "BigTIFF"),
 )
 """Formats that are not read, by how their files begin: they are told by name."""
+BRANDS = {
+    b"avif": "AVIF",
+    b"avis": "AVIF",
+    b"heic": "HEIC",
+    b"heix": "HEIC",
+    b"hevc": "HEIC",
+    b"mif1": "HEIC",
+    b"msf1": "HEIC",
+}
+"""The same of those that begin with the size of a box and ``ftyp``, by what follows: phones photograph in them."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +101,13 @@ def format_of(content: bytes) -> str | None:
     return "WebP" if content[:4] == RIFF and content[8:12] == b"WEBP" else None
 
 
+def unread_format_of(content: bytes) -> str | None:
+    """The name of a picture's format that is known and not read, by the first bytes of a file; None of anything else."""
+    if content[4:8] == b"ftyp":
+        return BRANDS.get(content[8:12])
+    return next((name for start, name in OTHERS if content.startswith(start)), None)
+
+
 def header_of(content: bytes) -> Header | None:
     """The header of a PNG, JPEG, TIFF, BMP or WebP; None of anything else and where the file ends before its size is told.
 
@@ -98,6 +115,12 @@ def header_of(content: bytes) -> Header | None:
     """
     read = {"PNG": _png, "JPEG": _jpeg, "TIFF": _tiff, "BMP": _bmp, "WebP": _webp}.get(format_of(content) or "")
     return None if read is None else read(content)
+
+
+def is_lossy(content: bytes) -> bool:
+    """Whether a picture is of a format that changes its numbers a little: a JPEG, or a WebP that is not marked as exact."""
+    kind = format_of(content)
+    return kind == "JPEG" or (kind == "WebP" and b"VP8 " in content[12:WEBP_HEAD])
 
 
 def _png(content: bytes) -> Header | None:

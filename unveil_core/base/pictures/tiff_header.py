@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-__all__ = ["TIFF", "TiffHeader", "tiff_header"]
+__all__ = ["TIFF", "TiffHeader", "tag_place", "tiff_header"]
 
 TIFF = (b"II*\0", b"MM\0*")
 """How the files begin: least or most significant byte first."""
@@ -77,6 +77,25 @@ def tiff_header(content: bytes) -> TiffHeader | None:
     # A palette gives three values for each.
     pixel = max(channels, 3 if first(COLOURS, 1) == 3 else 1) * -(-bits // 8)
     return TiffHeader(width, height, whole, pixel, problem)
+
+
+def tag_place(content: bytes, wanted: int) -> tuple[int, int] | None:
+    """Where the values of a tag of 16-bit numbers lie in a file, in bytes, and how many they are; None where there is no such."""
+    order = "<" if content[:2] == b"II" else ">"
+    if len(content) < 8:
+        return None
+    (at,) = struct.unpack_from(order + "I", content, 4)
+    if at + 2 > len(content):
+        return None
+    (count,) = struct.unpack_from(order + "H", content, at)
+    for entry in range(at + 2, min(at + 2 + 12 * count, len(content) - 11), 12):
+        tag, kind, many = struct.unpack_from(order + "HHI", content, entry)
+        if tag == wanted and SIZES.get(kind) == 2:
+            place = entry + 8
+            if 2 * many > 4:
+                (place,) = struct.unpack_from(order + "I", content, place)
+            return (place, many) if many and place + 2 * many <= len(content) else None
+    return None
 
 
 def _tags(content: bytes) -> tuple[dict[int, tuple[int, ...]], bool] | None:

@@ -38,6 +38,7 @@ from unveil_core.drives.formats.kitti.text import (
     numbered,
     pictures,
     read_calibration,
+    read_size,
     read_stamps,
     rectified_lens,
     usable_pose,
@@ -132,7 +133,9 @@ def read_kitti360(path: Path, scene: str = ".") -> Drive:
             pictures(images / camera_name / "data_rect"),
             read_stamps(images / camera_name / "timestamps.txt"),
         )
-        lens = rectified_lens(rectified[f"P_rect_{camera_name[-2:]}"], next(iter(found.values())), perspective)
+        calibrated = read_size(perspective, f"S_rect_{camera_name[-2:]}")
+        first = next(iter(found.values()))
+        lens = rectified_lens(rectified[f"P_rect_{camera_name[-2:]}"], first, perspective, calibrated)
         turn = rectified[f"R_rect_{camera_name[-2:]}"].reshape(3, 3)
         rectify = rigid(np.column_stack([turn, np.zeros(3)]), perspective, "R_rect")
         imu_from_camera = rigid(in_imu[camera_name], to_pose, camera_name) @ rigid_inverse(rectify)

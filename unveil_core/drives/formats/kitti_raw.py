@@ -37,6 +37,7 @@ from unveil_core.drives.formats.kitti.text import (
     numbered,
     pictures,
     read_calibration,
+    read_size,
     read_stamps,
     rectified_lens,
 )
@@ -111,7 +112,8 @@ def read_kitti_raw(path: Path, scene: str = ".") -> Drive:
     for name in names:
         images, stamps = pictures(root / name / "data"), read_stamps(root / name / "timestamps.txt")
         first = next(iter(images.values()))
-        lens = rectified_lens(calibration[f"P_rect_{name[-2:]}"], first, cam_to_cam)
+        calibrated = read_size(cam_to_cam, f"S_rect_{name[-2:]}")
+        lens = rectified_lens(calibration[f"P_rect_{name[-2:]}"], first, cam_to_cam, calibrated)
         velo_from_camera = rigid_inverse(lens.from_first @ rectify @ cam0_from_velo)
         frames += [
             Frame(

@@ -25,6 +25,7 @@ from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.checks.sizes import calibration_size
 from unveil_core.drives.cityscapes import table
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, pose_of, scenes_of
@@ -173,7 +174,7 @@ def _camera_frames(folder: Path, boxes: dict[int, tuple[TrackedBox, ...]]) -> li
         number = int(name)
         if number >= len(poses) or number >= len(stamps):
             raise DriveError(f"has no pose and time stamp for frame {name}", path=folder / "poses.json")
-        size = picture_size(image)
+        size = calibration_size(picture_size(image), (cx, cy))
         try:
             heading = [float(poses[number]["heading"][n]) for n in "wxyz"]
             position = [float(poses[number]["position"][n]) for n in "xyz"]

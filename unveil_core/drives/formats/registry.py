@@ -9,6 +9,9 @@ from pathlib import Path
 
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.drives.checks.conventions import with_pose_convention
+from unveil_core.drives.checks.sizes import with_sizes_of_pictures
+from unveil_core.drives.checks.unread import unread
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.file_names import with_file_names
 from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
@@ -21,7 +24,7 @@ from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.formats.waymo import reading as waymo
 from unveil_core.drives.imported import is_imported, read_imported
-from unveil_core.drives.importing.label_folder import with_label_folder
+from unveil_core.drives.labels.understood import with_labels
 from unveil_core.drives.selecting import select_part
 from unveil_core.drives.travel.order import in_order_of_time, in_order_of_travel
 from unveil_core.drives.travel.stamps import in_seconds
@@ -42,6 +45,7 @@ class Format:
         is_one: whether a folder is such a drive itself, by names alone; where a folder never holds several, ``recognizes``.
         order: what order the frames have as read: "time", or as "file" or "names" say, which the way then has to bear out.
         models: whether a folder may hold several models; ``read`` then takes the name of one, or None.
+        takes_convention: ``read`` takes the convention of poses, on which more depends than cameras.
     """
 
     name: str
@@ -52,6 +56,7 @@ class Format:
     is_one: Callable[[Path], bool] | None = None
     order: str = "time"
     models: bool = False
+    takes_convention: bool = False
 
 
 def _read_workspace(folder: Path) -> Drive:
@@ -66,6 +71,7 @@ FORMATS: tuple[Format, ...] = (
         lambda p: p.suffix.lower() == ".json" if p.is_file() else has_transforms(p),
         read_transforms_json,
         order="file",
+        takes_convention=True,
     ),
     Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), _read_workspace, is_one=is_imported),
     Format(
@@ -189,6 +195,8 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         raise DriveError("there is no such drive", path=path, mend="check the path")
     kind = next((f for f in FORMATS if f.recognizes(path)), None)
     if kind is None:
+        if (known := unread(path)) is not None:
+            raise DriveError(known.problem, path=path, mend=known.mend)
         if path.is_file():
             raise DriveError("is no drive", path=path, mend="give a transforms.json or a folder")
         looked_for = "; ".join(f.looked_for for f in FORMATS)
@@ -200,12 +208,16 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
     with guarded(path, kind.name):
         scene = () if kind.scenes is None else (_scene(kind, path, kind.scenes(path), options.scene),)
         model = {"model": options.model} if kind.models else {}
-        drive = with_guarded_readers(kind.read(path, *scene, **model), kind.name)
+        given = {"pose_convention": options.pose_convention} if kind.takes_convention else {}
+        drive = with_guarded_readers(kind.read(path, *scene, **model, **given), kind.name)
+    if options.pose_convention is not None and not kind.takes_convention:
+        drive = with_pose_convention(drive, options.pose_convention)
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
     drive = in_seconds(with_file_names(drive))
     part = select_part(_in_order(drive, kind), options)
-    return part if options.labels is None else with_label_folder(part, Path(options.labels))
+    part = part if kind.read is _read_workspace else with_sizes_of_pictures(part)
+    return with_labels(part, options, imported=kind.read is _read_workspace)
 
 
 def _in_order(drive: Drive, kind: Format) -> Drive:

@@ -1,7 +1,7 @@
 """Drives as nerfstudio / Instant-NGP ``transforms.json``, with Unveil's additions (all optional).
 
-Poses in the file are camera-to-world with OpenGL axes; they are turned to OpenCV here and nowhere else. Principal points count from
-the outer edge of the first pixel, as nerfstudio's rays do (pixel centres at + 0.5).
+Poses in the file are camera-to-world with OpenGL axes, unless the user says otherwise; they are turned to OpenCV here and
+nowhere else. Principal points count from the outer edge of the first pixel, as nerfstudio's rays do (pixel centres at + 0.5).
 """
 
 from __future__ import annotations
@@ -15,14 +15,16 @@ import numpy as np
 from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
+from unveil_core.drives.checks.conventions import OPENGL
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
 from unveil_core.drives.formats.nerfstudio.depth import assumed_unit, coarse_points, depth_sweeps
 from unveil_core.drives.formats.nerfstudio.frames import read_frames
 from unveil_core.drives.formats.nerfstudio.keys import Keys
-from unveil_core.drives.formats.nerfstudio.lens import crop_notice
+from unveil_core.drives.formats.nerfstudio.lens import crop_notice, degrees_notice
 from unveil_core.drives.formats.nerfstudio.parts import parts_of
 from unveil_core.drives.formats.nerfstudio.points import read_named_points
 from unveil_core.drives.formats.nerfstudio.shift import shift_told
+from unveil_core.drives.formats.nerfstudio.transposed import turned_upright
 
 __all__ = ["read_transforms_json"]
 
@@ -84,7 +86,7 @@ def _points_beside(root: Path) -> str:
     return "set ply_file_path to a PLY of LiDAR or SfM points, or give depth images"
 
 
-def read_transforms_json(path: Path) -> Drive:
+def read_transforms_json(path: Path, pose_convention: str | None = None) -> Drive:
     """Read a drive.
 
     Scale: ``metric`` decides, where it is given: true, coordinates are metres; false, the scale is unknown. Without it the scale
@@ -103,6 +105,7 @@ def read_transforms_json(path: Path) -> Drive:
 
     Args:
         path: the JSON file, or the folder that holds it.
+        pose_convention: one of ``base.drive_options.POSE_CONVENTIONS``; None = "opengl".
     Raises:
         DriveError: with the file and the mend.
     """
@@ -111,10 +114,19 @@ def read_transforms_json(path: Path) -> Drive:
     keys = Keys({}, top, path)
     if "applied_scale" in top and not _is_scale(top["applied_scale"]):
         raise DriveError(f"applied_scale is no scale: {str(top['applied_scale'])[:40]!r}", path=path, mend="correct it")
-    frames, told = read_frames(parts)
+    pose_convention = pose_convention or OPENGL
+    turned = [(file, *turned_upright(held["frames"])) for file, held in parts]
+    notices += [line for *_, line in turned if line is not None][:1]
+    frames, told = read_frames(
+        [(file, {**held, "frames": upright}) for (file, held), (_, upright, _) in zip(parts, turned, strict=True)],
+        pose_convention,
+    )
     notices += told
     cropped = crop_notice(keys.number("fisheye_crop_radius"), [(f.camera, f.distortion) for f in frames])
     notices += [] if cropped is None else [cropped]
+    angles = [e.get(k) for e in (top, *top["frames"]) for k in ("camera_angle_x", "camera_angle_y")]
+    degrees = degrees_notice(angles)
+    notices += [] if degrees is None or keys.get("fl_x") is not None else [degrees]
     points = PointCloud(np.zeros((0, 3)))
     sources: tuple[Path, ...] = tuple(p for p, _ in parts)
     sweeps: tuple[Sweep, ...] = ()
@@ -151,4 +163,5 @@ def read_transforms_json(path: Path) -> Drive:
         sources=sources,
         sweeps=sweeps,
         notices=tuple(notices),
+        pose_convention=pose_convention,
     )

@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import LATEST_S, Drive, Frame
+from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_of
 from unveil_core.drives.photographs import photograph
 from unveil_core.geometry.transforms import nearest_rotation
 
-__all__ = ["check_drive"]
+__all__ = ["Checked", "check_drive"]
 
 
-def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """What was seen of the labels while every file was decoded.
+
+    Attributes:
+        classes: (F, 256) pixels by trainId of each frame; 0 of one without a picture of classes.
+        masked: (F,) share of the pixels that the mask of each frame removes; NaN of one without.
+    """
+
+    classes: NDArray[np.int64]
+    masked: NDArray[np.float64]
+
+
+def check_drive(drive: Drive, progress: Progress = no_progress) -> Checked:
     """Decode every file of a drive and compare it with what the drive says of it.
 
     Raises:
@@ -27,8 +42,12 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
         mend = "; ".join(drive.notices) or "a drive needs at least one frame"
         raise DriveError("has no frames", path=drive.root, mend=mend)
     if not len(drive.points.positions) and not drive.sweeps:
-        raise DriveError("has no points", path=drive.root, mend="a drive needs LiDAR or SfM points")
+        told = [n for n in drive.notices if "LiDAR" in n] or drive.notices
+        mend = "; ".join(told) or "a drive needs LiDAR or SfM points"
+        raise DriveError("has no points", path=drive.root, mend=mend)
     seen: set[tuple[str, str]] = set()
+    classes = np.zeros((len(drive.frames), 256), np.int64)
+    masked = np.full(len(drive.frames), np.nan)
     for done, frame in enumerate(drive.frames):
         key = (frame.camera_name, frame.name)
         if key in seen:
@@ -45,12 +64,14 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
             raise DriveError(f"{frame.timestamp:g} is no time stamp (frame {frame.name})", path=drive.root, mend=mend)
         size = (frame.camera.width, frame.camera.height)
         photograph(frame)
-        for path in (frame.semantic_path, frame.mask_path):
-            if path is not None:
-                read_label_image(path, size)
+        if frame.semantic_path is not None:
+            classes[done] = np.bincount(semantics_of(frame, size, strict=True).ravel(), minlength=256)
+        if frame.mask_path is not None:
+            masked[done] = mask_of(frame, size).mean()
         if frame.instance_path is not None:
-            read_instance_image(frame.instance_path, size)
+            instances_of(frame, size)
         progress(done + 1, len(drive.frames), "checking files")
+    return Checked(classes, masked)
 
 
 def _check_pose(frame: Frame, root: Path) -> None:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.copies import copied_or_linked
-from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.drives.drive import Distortion, Footage, Frame, FrameLabels
-from unveil_core.drives.photographs import is_plain, photograph, removed_by_mask, store_photograph
+from unveil_core.drives.labels.codes import InstanceCode, MaskCode
+from unveil_core.drives.labels.reading import instances_of, is_grey_png, mask_of, semantics_of
+from unveil_core.drives.photographs import is_plain, photograph, store_photograph
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
 from unveil_core.geometry.lens import FISHEYE
@@ -97,11 +98,9 @@ def _resized(picture: NDArray[Any], target: Camera, *, label: bool) -> NDArray[A
     return resize_labels(picture, size) if label else cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
 
 
-def _kept_by_mask(frame: Frame) -> NDArray[np.uint8]:
+def _read_mask(frame: Frame) -> NDArray[np.uint8]:
     """(H, W) uint8, 0 = remove and 255 for all else: greys of a soft border would share its votes."""
-    removed = removed_by_mask(frame)
-    assert removed is not None
-    return np.where(removed, 0, 255).astype(np.uint8)
+    return np.where(mask_of(frame), 0, 255).astype(np.uint8)
 
 
 def labels_at_work_size(frame: Frame | Footage, found: FrameLabels, target: Camera) -> FrameLabels:
@@ -168,24 +167,29 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         relative = f"footage/{stem}{suffix}"
         entry["footage"] = _footage(Footage(frame.image_path, frame.camera, frame.distortion), relative)
         unless_there(relative, put_photograph)
+    codes = frame.codes
     kinds = (
-        ("semantics", "semantics", frame.semantic_path, read_label_image, 255),
-        ("instances", "instances", frame.instance_path, read_instance_image, 0),
-        ("mask", "masks", frame.mask_path, lambda _: _kept_by_mask(frame), 255),
+        ("semantics", "semantics", frame.semantic_path, semantics_of, 255, (8,) * codes.semantic.is_plain),
+        ("instances", "instances", frame.instance_path, instances_of, 0, (8, 16) * (codes.instance == InstanceCode())),
+        ("mask", "masks", frame.mask_path, _read_mask, 255, (8,) * (codes.mask == MaskCode())),
     )
-    for key, place, found, read, border in kinds:
+    for key, place, found, read, border, bits in kinds:
         if found is None:
             continue
 
         def put_labels(
-            path: Path, found: Path = found, read: Callable[[Path], NDArray[Any]] = read, border: int = border
+            path: Path,
+            found: Path = found,
+            read: Callable[[Frame], NDArray[Any]] = read,
+            border: int = border,
+            bits: tuple[int, ...] = bits,
         ) -> None:
             if warped:
-                write_image_atomic(path, warp(read(found), border=border), like=found)
-            elif found.suffix.lower() != ".png" or (found == frame.mask_path and frame.mask_is_white):
-                write_image_atomic(path, read(found), like=found)
-            else:
+                write_image_atomic(path, warp(read(frame), border=border), like=found)
+            elif is_grey_png(found, *bits):  # as it is kept here, too
                 copied_or_linked(found, path)
+            else:
+                write_image_atomic(path, read(frame), like=found)
 
         entry[key] = f"{place}/{stem}.png"
         unless_there(f"{place}/{stem}.png", put_labels)

@@ -192,7 +192,7 @@ def write_labels(folder: Path, labels: Sequence[FrameLabels], progress: Progress
         files = {name: folder / name / stem for name in ("semantics", "instances", "ego")}
         if not files["semantics"].is_file():  # the last that is written
             found = labels[done]
-            if found.instance is not None:
+            if found.instance is not None and "instances" not in entry:  # else the user gave them
                 write_image_atomic(files["instances"], found.instance)
             if found.ego is not None and found.ego.any():
                 write_image_atomic(files["ego"], found.ego.astype(np.uint8) * 255)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["Features", "find_features", "matched", "off_epipolar_line"]
+__all__ = ["Features", "alike", "find_features", "matched", "off_epipolar_line", "on_one_motion"]
 
 MOST = 2000
 """Features of a photograph at most, those of the highest contrast: 200 matched ones tell a pose to a tenth of a pixel."""
@@ -56,35 +56,47 @@ def find_features(gray: NDArray[np.uint8], usable: NDArray[np.bool_] | None = No
 def matched(a: Features, b: Features, first: Camera, second: Camera) -> NDArray[np.int64]:
     """(M, 2) indices of features of two photographs that show the same place: each the other's best candidate, clearly better than
     the next, near the epipolar line of the given poses, and on that which most of them agree on."""
-    none = np.zeros((0, 2), dtype=np.int64)
+    pairs = alike(a, b)
+    if len(pairs) < FEWEST:
+        return NO_PAIRS
+    side = max(first.width, first.height)
+    off = off_epipolar_line(a.pixels[pairs[:, 0]], b.pixels[pairs[:, 1]], first, second)
+    return on_one_motion(a, b, pairs[off < SEARCH_SHARE * side])
+
+
+NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
+NO_PAIRS.flags.writeable = False
+
+
+def alike(a: Features, b: Features) -> NDArray[np.int64]:
+    """(M, 2) indices of features of two photographs that look alike: each the other's best, clearly better than the next."""
     if min(len(a.pixels), len(b.pixels)) < FEWEST:
-        return none
-    alike = a.descriptors @ b.descriptors.T
-    order = np.argpartition(-alike, 1, axis=1)[:, :2]
-    two = np.take_along_axis(alike, order, axis=1)
+        return NO_PAIRS
+    cosines = a.descriptors @ b.descriptors.T
+    order = np.argpartition(-cosines, 1, axis=1)[:, :2]
+    two = np.take_along_axis(cosines, order, axis=1)
     best = order[np.arange(len(order)), two.argmax(axis=1)]
     # Of unit vectors the squared distance is 2 - 2 cos.
     near, next_ = (np.sqrt(np.maximum(2 - 2 * v, 0)) for v in (two.max(axis=1), two.min(axis=1)))
-    mutual = alike.argmax(axis=0)[best] == np.arange(len(best))
-    pairs = np.stack([np.arange(len(best)), best], axis=1)[mutual & (near < RATIO * next_)]
+    mutual = cosines.argmax(axis=0)[best] == np.arange(len(best))
+    return np.stack([np.arange(len(best)), best], axis=1)[mutual & (near < RATIO * next_)]
+
+
+def on_one_motion(a: Features, b: Features, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Of pairs (M, 2) those that one motion of the camera explains, whatever it is; none where too few agree on one."""
     if len(pairs) < FEWEST:
-        return none
-    side = max(first.width, first.height)
-    off = off_epipolar_line(a.pixels[pairs[:, 0]], b.pixels[pairs[:, 1]], first, second)
-    pairs = pairs[off < SEARCH_SHARE * side]
-    if len(pairs) < FEWEST:
-        return none
-    one, two_ = a.pixels[pairs[:, 0]], b.pixels[pairs[:, 1]]
-    moved = np.linalg.norm(one - two_, axis=1)
+        return NO_PAIRS
+    one, two = a.pixels[pairs[:, 0]], b.pixels[pairs[:, 1]]
+    moved = np.linalg.norm(one - two, axis=1)
     if np.median(moved) < INLIER_PX:  # of a camera that stands no epipolar line can be found, and none is needed
         return pairs[moved < 2 * INLIER_PX]
     cv2.setRNGSeed(0)
     try:
-        inside = cv2.findFundamentalMat(one, two_, cv2.USAC_FAST, INLIER_PX, 0.999, 2000)[1]
+        inside = cv2.findFundamentalMat(one, two, cv2.USAC_FAST, INLIER_PX, 0.999, 2000)[1]
     except cv2.error:  # where every sample that it draws is degenerate
-        return none
+        return NO_PAIRS
     if inside is None or int(inside.sum()) < FEWEST:
-        return none
+        return NO_PAIRS
     return pairs[inside.ravel() > 0]
 
 

@@ -1,7 +1,6 @@
 """From the classes of segmentation networks to Cityscapes: by name, or by the order of a public dataset.
 
-Orders: Cityscapes trainIds and labelIds; ADE20K's 150 classes (SceneParse150); the 80 of COCO's detectors; PASCAL VOC's 21; Waymo's
-camera segmentation (``protos/camera_segmentation.proto``).
+The numbers of the data sets' classes are in ``drives.labels.orders``.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.drives.cityscapes import CITYSCAPES, LABEL_IDS, VOID, train_id
+from unveil_core.drives.labels.orders import ORDERS as LABEL_ORDERS
 from unveil_core.semantics.classes import REMOVABLE
 
 __all__ = ["BY_COUNT", "ORDERS", "known_name", "order_targets", "removable", "targets_of"]
@@ -32,35 +32,11 @@ SYNONYMS: dict[str, str] = {
 }  # fmt: skip
 """Names of classes that mean a Cityscapes class."""
 
-ADE20K: dict[int, str] = {
-    0: "wall", 1: "building", 2: "sky", 4: "vegetation", 6: "road", 9: "terrain", 11: "sidewalk", 12: "person",
-    13: "terrain", 17: "vegetation", 20: "car", 25: "building", 29: "terrain", 32: "fence", 38: "fence",
-    43: "traffic sign", 46: "terrain", 48: "building", 52: "sidewalk", 54: "road", 61: "building", 66: "vegetation",
-    68: "terrain", 72: "vegetation", 79: "building", 80: "bus", 83: "truck", 84: "building", 87: "pole",
-    91: "terrain", 93: "pole", 94: "terrain", 102: "car", 116: "motorcycle", 127: "bicycle", 136: "traffic light",
-}  # fmt: skip
-COCO: dict[int, str] = {
-    0: "person", 1: "bicycle", 2: "car", 3: "motorcycle", 5: "bus", 6: "train", 7: "truck", 9: "traffic light",
-    11: "traffic sign",
-}  # fmt: skip
-VOC: dict[int, str] = {2: "bicycle", 6: "bus", 7: "car", 14: "motorcycle", 15: "person", 19: "train"}
-WAYMO: dict[int, str] = {
-    2: "car", 3: "truck", 4: "bus", 5: "truck", 6: "bicycle", 7: "motorcycle", 8: "truck", 9: "person", 10: "rider",
-    11: "rider", 15: "pole", 17: "traffic sign", 18: "traffic light", 19: "building", 20: "road", 21: "road", 22: "road",
-    23: "sidewalk", 24: "vegetation", 25: "sky", 26: "terrain",
-}  # fmt: skip
-
 ORDERS: dict[str, tuple[int, dict[int, str]]] = {
-    "cityscapes": (19, dict(enumerate(CITYSCAPES))),
-    "cityscapes-ids": (34, LABEL_IDS),
-    "ade20k": (150, ADE20K),
-    "coco": (80, COCO),
-    "voc": (21, VOC),
-    "waymo": (29, WAYMO),
-    "waymo-28": (28, {number - 1: name for number, name in WAYMO.items()}),
+    name: (34, LABEL_IDS) if name == "cityscapes-ids" else LABEL_ORDERS[name]
+    for name in ("cityscapes", "cityscapes-ids", "ade20k", "coco", "voc", "waymo", "waymo-28")
 }
-"""Number of classes, and the Cityscapes class by number of those that are one, by the order's name. "waymo-28" leaves Waymo's
-class 0, undefined, out. Classes that are not listed are void, as animals and furniture."""
+"""Of label pictures those that networks have, see ``drives.labels.orders``; of labelIds Cityscapes' own."""
 BY_COUNT: dict[int, str] = {count: name for name, (count, _) in ORDERS.items() if name != "cityscapes-ids"}
 """The order that is taken where nothing names the classes."""
 

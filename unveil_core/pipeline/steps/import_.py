@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from unveil_core.base.frame_cache import Frames
-from unveil_core.base.progress import Progress
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, FrameLabels
 from unveil_core.drives.imported import pose_facts
@@ -19,7 +19,7 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.workspace.assumptions import Assumption, assumed
 
-__all__ = ["labels_come_from", "run", "work_side_of"]
+__all__ = ["labels_come_from", "labels_of", "run", "work_side_of"]
 
 WORKING_SIZE_PX = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
@@ -35,7 +35,7 @@ def run(context: StageContext) -> Facts:
     settings = context.settings
     side = work_side_of(settings)
     drive = open_drive(context.drive, settings.drive_options)
-    placement = place_drive(drive, scale=settings.scale, up=settings.up)
+    placement = place_drive(drive, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
     folder = context.output("drive")
     imported = import_drive(
         drive,
@@ -46,7 +46,7 @@ def run(context: StageContext) -> Facts:
         kept=context.kept,
         progress=context.progress,
     )
-    labels, source = _labels(drive, imported, settings, context.progress)
+    labels, source = labels_of(drive, imported, settings, context.progress)
     if labels is not None:
         write_labels(folder, labels, context.progress)
     tested = _poses_assumed(pose_facts(folder))
@@ -71,8 +71,8 @@ def _poses_assumed(facts: dict[str, Any]) -> list[Assumption]:
     return [Assumption("the poses agree with the photographs", holds, found, instead)]
 
 
-def _labels(
-    drive: Drive, imported: Drive, settings: RunSettings, progress: Progress
+def labels_of(
+    drive: Drive, imported: Drive, settings: RunSettings, progress: Progress = no_progress
 ) -> tuple[Sequence[FrameLabels] | None, str]:
     """Labels for the frames of a drive that has none in files of its own, and where they come from.
 

@@ -381,7 +381,8 @@ BAD_KEYS: dict[str, Callable[[dict[str, Any]], object]] = {
     "applied_transform is no 3x4 matrix": lambda d: d.update(applied_transform=[[1, 0], [0, 1]]),
     "has no frames": lambda d: d.update(frames={"a": 1}),
     "frame 1 has no file_path": lambda d: d["frames"][1].pop("file_path"),
-    "has neither fl_x nor camera_angle_x": lambda d: (d.pop("fl_x"), d.update(camera_angle_x=4.0)),
+    "has neither fl_x nor camera_angle_x": lambda d: d.pop("fl_x"),
+    "camera_angle_x is 4, which is no field of view": lambda d: (d.pop("fl_x"), d.update(camera_angle_x=4.0)),
     'names no points .points.ply lies beside it: set "ply_file_path": .*or give depth': lambda d: d.pop("ply_file_path"),
     "file_path of frame 1 is no name of a file": lambda d: d["frames"][1].update(file_path=["images/01.png"]),
     "integer_depth_scale -1 is not positive": lambda d: (
@@ -431,3 +432,15 @@ def test_poses_of_the_tiny_drive_are_not_changed_by_all_that(tmp_path: Path) -> 
     drive = open_drive(make_tiny_drive(tmp_path))
     assert np.allclose(drive.frames[3].camera.centre, camera_to_world(3, np.zeros(3))[:3, 3])
     assert not drive.sweeps and not drive.notices
+
+
+def test_a_field_of_view_in_degrees_is_taken_for_that_and_told(tmp_path: Path) -> None:
+    drive = make_tiny_drive(tmp_path)
+    edit(drive, lambda d: (d.pop("fl_x"), d.pop("fl_y"), d.update(camera_angle_x=70.0, camera_angle_y=55.0)))
+    opened = open_drive(drive)
+    camera = opened.frames[0].camera
+    assert camera.fx == pytest.approx(16 / math.tan(math.radians(35)))
+    assert camera.fy == pytest.approx(12 / math.tan(math.radians(27.5)))
+    assert [n for n in opened.notices if "degrees" in n] == [
+        "camera_angle_x or camera_angle_y is 70: taken for degrees, 1.222 radians"
+    ]

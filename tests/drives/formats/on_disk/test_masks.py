@@ -108,7 +108,7 @@ def test_masks_beside_a_transforms_json_that_names_none_are_taken_and_told(folde
     path = capture(tmp_path)
     write_pictures(tmp_path / folder, NAMES)
     drive = open_drive(path)
-    assert masks_of(drive) == NAMES and not any(f.mask_is_white for f in drive.frames)
+    assert masks_of(drive) == NAMES and {f.codes.mask.removes for f in drive.frames} == {"black"}
     assert drive.notices == (
         f"8 of 8 photographs have a mask in {folder}/, found by name: black = remove; mask_path decides",
     )
@@ -119,7 +119,8 @@ def test_masks_beside_a_transforms_json_that_names_none_are_taken_and_told(folde
 )
 def test_what_the_file_names_is_not_replaced_but_the_rest_is_told(keys: dict[str, list[str]], tmp_path: Path) -> None:
     path = capture(tmp_path, **keys)
-    write_pictures(tmp_path / "own", NAMES)
+    for name in NAMES:
+        write_picture(tmp_path / "own" / name, 1)
     write_pictures(tmp_path / "masks", NAMES)
     drive = open_drive(path)
     assert {f.mask_path.parent.name for f in drive.frames if f.mask_path is not None} <= {"own"}
@@ -181,7 +182,8 @@ def test_masks_that_nobody_named_and_that_do_not_fit_are_told_and_not_taken(fold
     for stem in STEMS:
         write_picture(tmp_path / folder / f"{stem}_mask.png", size=(8, 6))
     drive = open_drive(path)
-    assert masks_of(drive) == [None] * 8 and check_drive(drive) is None
+    assert masks_of(drive) == [None] * 8
+    check_drive(drive)
     assert "are not read: 000_mask.png is 8x6 pixels, its photograph 16x12" in drive.notices[0]
     for stem in STEMS:
         cv2.imwrite(str(tmp_path / folder / f"{stem}_mask.png"), np.zeros((12, 16), np.uint16))
@@ -213,7 +215,7 @@ def test_white_is_removed_by_instant_ngp_s_masks_and_black_by_all_others(tmp_pat
         imported = import_drive(opened, tmp_path / f"{black}/drive")
         mask = read_label_image(imported.frames[0].mask_path)  # type: ignore[arg-type]
         assert (
-            not imported.frames[0].mask_is_white
+            imported.frames[0].codes.mask.removes == "black"
             and (mask[:, 0] == 0).all() == black
             and (mask[:, -1] == 0).all() != black
         )

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from unveil_core.base.errors import DriveError
+from unveil_core.drives.checks.conventions import WORLD_TO_CAMERA
 from unveil_core.drives.drive import Distortion, Drive, Frame
 from unveil_core.drives.formats.colmap.models import chosen_model, model_folders
 from unveil_core.drives.formats.on_disk.masks import with_masks_beside
@@ -93,6 +94,7 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
             sorted(p for f in read.folders for p in f.iterdir() if p.stem in ("cameras", "images", "points3D"))
         ),
         notices=tuple(notices),
+        pose_convention=WORLD_TO_CAMERA,
     )
 
 

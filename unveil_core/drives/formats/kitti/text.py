@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
 from unveil_core.base.types import Float64
+from unveil_core.drives.checks.sizes import calibration_size, is_clean_ratio
 from unveil_core.drives.formats.cameras import calibrated_camera, picture_size, rigid
 from unveil_core.geometry.camera import Camera
 
@@ -27,6 +29,7 @@ __all__ = [
     "numbered",
     "pictures",
     "read_calibration",
+    "read_size",
     "read_stamps",
     "rectified_lens",
     "usable_pose",
@@ -149,13 +152,28 @@ class RectifiedLens:
         return calibrated_camera(self.size, self.focal, self.middle, pose, self.path)
 
 
-def rectified_lens(projection: Float64, first: Path, path: Path) -> RectifiedLens:
-    """The lens of a projection matrix.
+def read_size(path: Path, key: str) -> tuple[int, int] | None:
+    """Width and height of rectified pictures as a calibration file tells it by a key, as ``S_rect_02``; None where it does not."""
+    for line in read_text(path).splitlines():
+        name, _, rest = line.partition(":")
+        if name.strip() == key:
+            with suppress(ValueError):
+                width, height = (float(word) for word in rest.split())
+                if min(width, height) >= 1 and max(width, height) < 1 << 20:
+                    return round(width), round(height)
+    return None
+
+
+def rectified_lens(
+    projection: Float64, first: Path, path: Path, calibrated: tuple[int, int] | None = None
+) -> RectifiedLens:
+    """The lens of a projection matrix, of the size that it was calibrated for.
 
     Args:
         projection: its 12 numbers.
         first: one of the camera's pictures, whose size is that of all; checking a drive finds pictures of another size.
         path: of the calibration, for messages.
+        calibrated: width and height that the calibration tells. It counts where the picture is that, reduced or enlarged.
     Raises:
         DriveError: K is no camera, or the picture is not readable.
     """
@@ -165,9 +183,12 @@ def rectified_lens(projection: Float64, first: Path, path: Path) -> RectifiedLen
         raise DriveError("has a projection matrix that makes no camera", path=path, mend="download it again")
     shift = np.eye(4)
     shift[:3, 3] = np.linalg.solve(k, matrix[:, 3])
-    return RectifiedLens(
-        picture_size(first), (float(k[0, 0]), float(k[1, 1])), (float(k[0, 2]), float(k[1, 2])), shift, path
-    )
+    picture, centre = picture_size(first), (float(k[0, 2]), float(k[1, 2]))
+    if calibrated is None:
+        size = calibration_size(picture, centre)
+    else:
+        size = calibrated if is_clean_ratio(calibrated, picture) else picture
+    return RectifiedLens(size, (float(k[0, 0]), float(k[1, 1])), centre, shift, path)
 
 
 def at(stamps: Sequence[float | None], number: int) -> float | None:

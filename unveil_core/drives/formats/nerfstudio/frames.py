@@ -9,6 +9,7 @@ from typing import Any
 
 from unveil_core.base.errors import DriveError
 from unveil_core.drives.boxes import read_boxes
+from unveil_core.drives.checks.conventions import pose_in
 from unveil_core.drives.drive import Distortion, Frame
 from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.drives.formats.nerfstudio.lens import read_lens
@@ -27,8 +28,8 @@ Part = tuple[Path, dict[str, Any]]
 """A file and what it holds."""
 
 
-def read_frames(parts: Sequence[Part]) -> tuple[list[Frame], list[str]]:
-    """The frames in the order of the files, and what a user should know of them.
+def read_frames(parts: Sequence[Part], convention: str) -> tuple[list[Frame], list[str]]:
+    """The frames in the order of the files, with poses in a convention, and what a user should know of them.
 
     Raises:
         DriveError: an entry that makes no frame, or no photograph is there.
@@ -59,7 +60,8 @@ def read_frames(parts: Sequence[Part]) -> tuple[list[Frame], list[str]]:
     lenses: list[tuple[Camera, Distortion | None]] = []
     for path, top, entry, image in there:
         keys = Keys(entry, top, path, image.stem)
-        camera, distortion = read_lens(keys, image, pose_from_matrix(entry.get("transform_matrix"), path, image.stem))
+        pose = pose_from_matrix(entry.get("transform_matrix"), path, image.stem)
+        camera, distortion = read_lens(keys, image, pose_in(pose, convention))
         lenses.append((camera, distortion))
         shots.append(_shot(image, source.parent, camera, distortion, keys.stamp()))
     guess = cameras_of([entry for _, _, entry, _ in there], shots)

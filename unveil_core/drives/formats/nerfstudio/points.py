@@ -15,6 +15,7 @@ import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
+from unveil_core.drives.checks.points_seen import seen_share
 from unveil_core.drives.drive import Frame, PointCloud
 from unveil_core.drives.formats.colmap.model import read_model_points
 from unveil_core.drives.formats.colmap.models import find_model, model_folders, model_of_pictures
@@ -23,13 +24,12 @@ from unveil_core.drives.formats.on_disk.pictures import NamedFiles
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["NamedPoints", "read_named_points", "seen_share"]
+__all__ = ["NamedPoints", "read_named_points"]
 
 COLMAP_TO_SAVED = np.array([[0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]])
 """What nerfstudio takes for ``applied_transform`` where the file lacks it and a COLMAP model lies beside it."""
 CLEARLY = 0.05
 """Another reading of the points is believed if so much larger a share of them is seen."""
-TRIED_POINTS, TRIED_CAMERAS = 3000, 60
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,12 @@ def read_named_points(keys: Keys, frames: Sequence[Frame]) -> NamedPoints | None
     root, cameras = keys.path.parent, [f.camera for f in frames]
     if keys.get("ply_file_path"):
         path = NamedFiles(keys.path).file(keys.get("ply_file_path"), "ply_file_path")
-        found = read_points(path)
+        told: list[str] = []
+        found = read_points(path, told)
         if applied is None and find_model(root / "colmap") is not None:
             applied = COLMAP_TO_SAVED
-        return _placed(found, cameras, applied, (path,), saved=True)
+        placed = _placed(found, cameras, applied, (path,), saved=True)
+        return replace(placed, notice="; ".join([*told, *([placed.notice] if placed.notice else [])]) or None)
     folders = model_folders(root) or model_folders(root / "colmap")
     model = model_of_pictures(folders, [f.image_path.name for f in frames])
     if model is None:
@@ -69,8 +71,9 @@ def read_named_points(keys: Keys, frames: Sequence[Frame]) -> NamedPoints | None
     )
     if len(folders) == 1:
         return placed
-    told = f"points are those of {model.relative_to(root).as_posix()}, of {len(folders)} COLMAP models; ply_file_path decides"
-    return replace(placed, notice=told if placed.notice is None else f"{placed.notice}; {told}")
+    which = f"points are those of {model.relative_to(root).as_posix()}, of {len(folders)} COLMAP models"
+    which += "; ply_file_path decides"
+    return replace(placed, notice=which if placed.notice is None else f"{placed.notice}; {which}")
 
 
 def _applied(keys: Keys) -> Float64 | None:
@@ -106,13 +109,3 @@ def _placed(
         which = "in the coordinates of the poses" if as_is else "as they were before applied_transform"
         notice = f"points are taken to be {which}: {shares}"
     return NamedPoints(cloud if as_is else moved, sources, notice)
-
-
-def seen_share(positions: Float64, cameras: Sequence[Camera]) -> float:
-    """Share of the points (P, 3) that lie in the picture of a camera, by a sample of both."""
-    points = positions[:: -(-len(positions) // TRIED_POINTS)]
-    seen = np.zeros(len(points), dtype=bool)
-    for camera in cameras[:: -(-len(cameras) // TRIED_CAMERAS)]:
-        pixels, depth = camera.project(points)
-        seen |= camera.in_picture(pixels, depth)
-    return float(seen.mean())

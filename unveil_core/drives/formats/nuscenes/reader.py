@@ -82,6 +82,10 @@ POINT_CLASSES: dict[str, str] = {
     "static.vegetation": "vegetation",
 }
 """Of labelled points. "static.manmade" is buildings, walls, poles and signs alike."""
+ARCHIVES = (
+    "they are in v1.0-mini.tgz, or in the ten parts v1.0-trainvalNN_blobs.tgz (_keyframes, _blobs_lidar, _blobs_camera)"
+)
+"""Where a scene's files are to be had: each part has about 85 of the 850 scenes."""
 NO_POINTS = ("noise", "vehicle.ego")
 """Categories of returns that nothing of the street sent."""
 
@@ -147,6 +151,7 @@ def _missing(rows: SceneRows, present: Counter[str]) -> list[str]:
         for channel in sorted(wanted)
         if present[channel] < wanted[channel]
     ]
+    lines[-1:] = [f"{line}; {ARCHIVES}" for line in lines[-1:]]
     return lines + ([] if wanted[LIDAR] else ["the scene has no LiDAR sweeps"])
 
 

@@ -14,6 +14,7 @@ from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.formats.cameras import picture_size
 from unveil_core.drives.formats.on_disk.pictures import PICTURES, files_below, pictures_below, pictures_in
+from unveil_core.drives.labels.codes import BLACK, WHITE, LabelCodes, MaskCode
 
 __all__ = ["with_masks_beside"]
 
@@ -61,10 +62,8 @@ def with_masks_beside(
             return list(frames), [misfit]
         if found is not None:
             what = "white = remove, as Instant-NGP has it" if white else "black = remove"
-            masked = [
-                replace(f, mask_path=found.of.get(i), mask_is_white=white and i in found.of)
-                for i, f in enumerate(frames)
-            ]
+            codes = LabelCodes(mask=MaskCode(WHITE if white else BLACK))
+            masked = [replace(f, mask_path=found.of.get(i), codes=codes) for i, f in enumerate(frames)]
             return masked, [f"{found.count} masks {found.where} are taken: {what}; {decides} decides"]
     found = next((f for n in FOLDERS if (f := _in_folder(frames, root / n, pictures)) is not None), None)
     if found is None:

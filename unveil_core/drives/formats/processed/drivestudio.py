@@ -25,6 +25,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.checks.sizes import calibration_size
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, scenes_of
 from unveil_core.drives.formats.on_disk.pictures import pictures_in
@@ -40,6 +41,7 @@ OPENCV_FROM_WAYMO = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 
 """Turns a pose of a camera with axes x forward, y left, z up into one with OpenCV's, multiplied from the right."""
 UPRIGHT = 0.7
 """Least share of the camera's down, or up, along the world's for it to count as such: 45 degrees, where the other begins."""
+NO_SWEEPS = "the scene has no LiDAR sweeps: lidar/ is missing; prepare it with lidar among --process_keys, or copy that folder, too"
 FRAMES_PER_SECOND = 10.0
 """Of the datasets; nuScenes has 2 unless its folder is named for more. The layout keeps no times."""
 NUSCENES_FRAMES_PER_SECOND = 2.0
@@ -102,7 +104,7 @@ def read_drivestudio(path: Path, scene: str = ".") -> Drive:
             sweeps.append(Sweep(file, partial(read_sweep, file, pose, widths), frame / rate, boxes.get(frame, ())))
     if len(sweeps) < len(files):
         notices.append(f"{len(files) - len(sweeps)} of {len(files)} LiDAR sweeps have no pose")
-    notices += [] if files else ["the scene has no LiDAR sweeps"]
+    notices += [] if files else [NO_SWEEPS]
     notices += [] if boxes else ["the scene has no boxes of objects"]
     return Drive(
         root=root,
@@ -173,7 +175,7 @@ def _camera_frames(
     k = poses.files.numbers(path)
     if len(k) < 4 or not np.isfinite(k).all():
         raise DriveError(f"{k} are not fx fy cx cy k1 k2 p1 p2 k3", path=path, mend=MEND)
-    size = picture_size(images[0][1])
+    size = calibration_size(picture_size(images[0][1]), (k[2], k[3]))
     frames = []
     for number, image in images:
         pose = poses.of_camera(image.stem.split("_")[0], camera)

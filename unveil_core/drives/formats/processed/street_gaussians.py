@@ -21,6 +21,7 @@ import numpy as np
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json, read_text
 from unveil_core.base.types import Float64
+from unveil_core.drives.checks.sizes import calibration_size
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, scenes_of
 from unveil_core.drives.formats.on_disk.pictures import pictures_in
@@ -139,7 +140,7 @@ def _camera_frames(
     k = matrices.numbers(path)
     if len(k) < 4 or not np.isfinite(k).all():
         raise DriveError(f"{k} are not fx fy cx cy k1 k2 p1 p2 k3", path=path, mend=MEND)
-    size = picture_size(images[0][0])
+    size = calibration_size(picture_size(images[0][0]), (k[2], k[3]))
     frames = []
     for image, name in images:
         own = matrices.matrix(f"ego_pose/{name}_{camera}.txt")

@@ -1,0 +1,86 @@
+"""``unveil check``: a drive looked at before the wait, as a page and as lines."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+from unveil_core.app.console import reporting, say
+from unveil_core.app.given_settings import settings_of
+from unveil_core.base.errors import SettingsError
+
+__all__ = ["run_check"]
+
+MARK = b'<meta name="generator" content="unveil '
+"""What tells a page of this program."""
+MARKED_WITHIN = 1 << 12
+"""Bytes of a page in which the mark is."""
+NAMED = 60
+"""Characters of the drive's name that the page's file keeps."""
+
+
+def run_check(arguments: argparse.Namespace) -> int:
+    """Look at a drive, write the page, say what looks wrong; 2 where a run would not begin without being told to."""
+    from unveil_core.base.files import write_bytes_atomic
+    from unveil_core.checkup.examined import examine_drive
+    from unveil_core.checkup.page import check_page
+    from unveil_core.pipeline.output_place import check_file_place
+
+    page = arguments.output or Path(f"check_{_plain(arguments.drive)}.html")
+    page = page if page.suffix.lower() in (".html", ".htm") else page / "check.html"
+    check_file_place(page, [arguments.drive])
+    if page.is_dir() or (page.exists() and not arguments.replace and not _is_page(page)):
+        raise SettingsError(
+            "is there already, and Unveil did not write it",
+            path=page,
+            mend="name another file with -o, or add --replace",
+        )
+    with reporting(arguments.json) as reporter:
+
+        def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+            event = {"t": round(time.time(), 3), "stage": "check", "done": done, "total": total, "message": message}
+            reporter({**event, "level": "info", **metrics})
+
+        found = examine_drive(arguments.drive, settings_of(arguments), progress)
+    write_bytes_atomic(page, check_page(found).encode("utf-8", "replace"))
+    if arguments.json:
+        told = {
+            "page": str(page),
+            "facts": dict(found.facts),
+            "assumed": [*found.assumed, *found.told],
+            "findings": [{"problem": f.problem, "mend": f.mend, "asks": f.asks} for f in found.findings],
+        }
+        say(json.dumps({"check": told}))
+    else:
+        for key, value in found.facts:
+            say(f"{key:<22} {value}")
+        for line in (*found.assumed, *found.told):
+            say(f"assumed                {line}")
+        for finding in found.findings:
+            say(f"LOOK                   {finding.line}")
+        say(f"looks wrong            {len(found.findings) or 'nothing'}")
+        say(page)
+    if found.asks and not arguments.yes:
+        say(f"unveil: error: a run of {arguments.drive} asks before it begins: {found.findings[0].line}", sys.stderr)
+        return 2
+    return 0
+
+
+def _plain(drive: Path) -> str:
+    """A drive's name as part of a file's."""
+    whole = drive.absolute()
+    name = whole.parent.name if whole.suffix.lower() == ".json" else whole.name
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:NAMED] or "drive"
+
+
+def _is_page(path: Path) -> bool:
+    from unveil_core.base.disk.open_safely import open_file
+
+    try:
+        with open_file(path) as stream:
+            return MARK in stream.read(MARKED_WITHIN)
+    except OSError:
+        return False

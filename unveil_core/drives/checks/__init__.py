@@ -1,0 +1,1 @@
+"""What may be wrong with a drive that opens: told before work starts, with the likely mistake."""

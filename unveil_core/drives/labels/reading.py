@@ -1,0 +1,200 @@
+"""Label pictures, masks and instance maps of a frame as one thing each, whatever numbers their files have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.disk.open_safely import open_file
+from unveil_core.base.errors import DriveError
+from unveil_core.base.pictures.decoding import Values, read_values
+from unveil_core.drives.cityscapes import VOID
+from unveil_core.drives.drive import Frame
+from unveil_core.drives.labels.codes import BLACK, InstanceCode, MaskCode, SemanticCode
+from unveil_core.drives.labels.colours import packed, train_ids_of_colours
+from unveil_core.drives.labels.orders import order_targets
+
+__all__ = [
+    "colours_of",
+    "ids_of",
+    "instances",
+    "instances_of",
+    "is_grey_png",
+    "levels_of",
+    "mask_of",
+    "removed",
+    "semantics_of",
+    "stray_ids",
+    "train_ids",
+]
+
+Ids = NDArray[Any]
+MOST_TAGS = 64
+"""Pictures in which one channel alone has numbers are taken for such with labels in it, as CARLA's cameras write, if these are
+smaller: 28 is CARLA's largest."""
+SPREAD = 257
+"""What programs multiply 8 bits by that make 16 of them."""
+HEADER_BYTES = 26
+"""Of a PNG: signature, size, bits a channel, kind of colour."""
+
+
+def semantics_of(frame: Frame, size: tuple[int, int] | None = None, *, strict: bool = False) -> NDArray[np.uint8]:
+    """(H, W) trainIds of a frame that has a picture of classes, 255 void.
+
+    Args:
+        size: (width, height) that it must have; None = any.
+        strict: see :func:`train_ids`.
+    Raises:
+        DriveError: it cannot be read, or holds no such classes.
+    """
+    assert frame.semantic_path is not None
+    return train_ids(read_values(frame.semantic_path, size), frame.codes.semantic, frame.semantic_path, strict=strict)
+
+
+def mask_of(frame: Frame, size: tuple[int, int] | None = None) -> NDArray[np.bool_]:
+    """(H, W) what the mask of a frame that has one removes.
+
+    Raises:
+        DriveError: it cannot be read.
+    """
+    assert frame.mask_path is not None
+    return removed(read_values(frame.mask_path, size), frame.codes.mask)
+
+
+def instances_of(frame: Frame, size: tuple[int, int] | None = None) -> NDArray[np.uint16]:
+    """(H, W) ids of objects of a frame that has an instance map, 0 none.
+
+    Raises:
+        DriveError: it cannot be read, or has several channels that tell nothing.
+    """
+    assert frame.instance_path is not None
+    return instances(read_values(frame.instance_path, size), frame.codes.instance, frame.instance_path)
+
+
+def ids_of(values: Values, *, by_palette: bool = False) -> Ids | None:
+    """(H, W) numbers of a picture that has one number a pixel, in one channel or the same in all of them; None of others.
+
+    Args:
+        by_palette: of a picture with a palette, its grey levels in the place of the numbers that point to them.
+    """
+    pixels: Ids = values.pixels
+    if values.palette is not None and not by_palette:
+        return pixels
+    pixels = pixels if values.palette is None else values.palette[pixels]
+    if pixels.ndim == 3:
+        if (pixels[..., 0] == pixels[..., 1]).all() and (pixels[..., 0] == pixels[..., 2]).all():
+            pixels = pixels[..., 0]
+        else:
+            told = [k for k in range(3) if pixels[..., k].any()]
+            if len(told) != 1 or int(pixels[..., told[0]].max()) >= MOST_TAGS:
+                return None
+            pixels = pixels[..., told[0]]
+    if pixels.dtype == np.uint16 and pixels.max(initial=0) > 255 and not (pixels % SPREAD).any():
+        pixels = pixels // SPREAD
+    return pixels
+
+
+def colours_of(values: Values, *, blue_first: bool = False) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB of 8 bits, of a picture with a palette its colours; ``blue_first``: of one that has BGR."""
+    pixels: Ids = values.pixels if values.palette is None else values.palette[values.pixels]
+    pixels = (pixels >> 8).astype(np.uint8) if pixels.dtype == np.uint16 else pixels
+    if pixels.ndim == 2:
+        return np.repeat(pixels[..., None], 3, axis=2)
+    return pixels[..., 2::-1] if blue_first else pixels[..., :3]
+
+
+def levels_of(values: Values, code: MaskCode) -> Ids:
+    """(H, W) levels of a mask: the largest of the channels, or the transparency where the code says so and there is any."""
+    pixels: Ids = values.pixels if values.palette is None else values.palette[values.pixels]
+    if pixels.ndim == 2:
+        return pixels
+    return pixels[..., 3] if code.by_alpha and pixels.shape[2] == 4 else pixels[..., :3].max(axis=2)
+
+
+def stray_ids(ids: Ids, code: SemanticCode) -> NDArray[np.int64]:
+    """Numbers in (H, W) ids of classes that the code's order does not have, ascending; 255 and 65535 are void everywhere."""
+    found = np.unique(ids).astype(np.int64)
+    found = np.unique(np.where(found >= code.divisor, found // code.divisor, found)) if code.divisor > 1 else found
+    return found[(found >= len(order_targets(code.order))) & ~np.isin(found, (VOID, 0xFFFF))]
+
+
+def train_ids(values: Values, code: SemanticCode, path: Path, *, strict: bool = False) -> NDArray[np.uint8]:
+    """(H, W) trainIds, 255 void.
+
+    Args:
+        path: of the picture, for messages.
+        strict: numbers that the code does not know are an error, not void.
+    Raises:
+        DriveError: it holds colours where numbers are meant, or few of the colours that are meant; or see ``strict``.
+    """
+    if code.in_colours:
+        found, known = train_ids_of_colours(
+            colours_of(values, blue_first=code.blue_first), code.order, lossy=values.lossy
+        )
+        if strict and known.mean() < 0.5:
+            problem = f"has {1 - known.mean():.0%} pixels of other colours than {code.order}"
+            raise DriveError(problem, path=path, mend="draw all label pictures alike, or give trainIds")
+        return found
+    ids = ids_of(values, by_palette=code.by_palette)
+    if ids is None:
+        problem = "has colours where other label pictures have numbers of classes"
+        raise DriveError(problem, path=path, mend="make all of one kind")
+    if strict and not code.stray_is_void and len(stray := stray_ids(ids, code)):
+        problem = f"holds {', '.join(map(str, stray[:4]))}, which no class of {code.order} has"
+        raise DriveError(problem, path=path, mend="say what it holds by --label-classes, or export it again")
+    if code.is_plain and ids.dtype == np.uint8:
+        return np.where(ids < len(order_targets(code.order)), ids, VOID).astype(np.uint8)
+    whole = ids.astype(np.int64)
+    whole = np.where(whole >= code.divisor, whole // code.divisor, whole) if code.divisor > 1 else whole
+    targets = order_targets(code.order)
+    table = np.append(targets, np.uint8(VOID))
+    return table[np.minimum(whole, len(targets))]
+
+
+def removed(values: Values, code: MaskCode) -> NDArray[np.bool_]:
+    """(H, W) what a mask removes."""
+    levels = levels_of(values, code)
+    dark: NDArray[np.bool_] = levels <= code.up_to * (SPREAD if levels.dtype == np.uint16 else 1)
+    return dark if code.removes == BLACK else ~dark
+
+
+def instances(values: Values, code: InstanceCode, path: Path) -> NDArray[np.uint16]:
+    """(H, W) ids, 0 none; ``path`` for messages.
+
+    Raises:
+        DriveError: it has several channels that differ, and no code for colours.
+    """
+    if code.colours is not None:
+        keys = np.asarray(code.colours, np.int64)
+        numbers = packed(colours_of(values))
+        if code.divisor == 1:
+            at = np.searchsorted(keys, numbers).clip(max=max(len(keys) - 1, 0))
+            return (
+                np.where(keys[at] == numbers, at + 1, 0).astype(np.uint16)
+                if len(keys)
+                else np.zeros_like(at, np.uint16)
+            )
+        # Cityscapes' panoptic pictures write the same number as red + green * 256 + blue * 65536.
+        ids = (numbers >> 16) | (numbers & 0xFF00) | ((numbers & 0xFF) << 16)
+    else:
+        found = ids_of(values)
+        if found is None:
+            raise DriveError("is not a one-channel image", path=path, mend="instances are 16-bit PNGs of ids")
+        ids = found.astype(np.int64)
+    if code.divisor > 1:
+        own = (ids >= code.divisor) & ((ids % code.divisor > 0) | (not code.zero_is_none))
+        ids = np.where(own & (ids < 1 << 16), ids, 0)
+    return ids.astype(np.uint16)
+
+
+def is_grey_png(path: Path, *bits: int) -> bool:
+    """Whether a file is a PNG of one channel with one of these numbers of bits: such a one can stay as it is."""
+    try:
+        with open_file(path) as stream:
+            header = stream.read(HEADER_BYTES)
+    except OSError:
+        return False
+    return header[:4] == b"\x89PNG" and len(header) == HEADER_BYTES and header[24] in bits and header[25] == 0
