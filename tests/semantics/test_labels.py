@@ -23,7 +23,7 @@ def masked(folder: Path, level: int) -> Path:
     return drive
 
 
-@pytest.mark.parametrize(("level", "removes", "mend"), [(255, None, "white turns"), (0, "white", "leave --mask")])
+@pytest.mark.parametrize(("level", "removes", "mend"), [(255, None, "white turns"), (0, "white", "black turns")])
 def test_masks_that_remove_nothing_name_the_other_way(
     level: int, removes: str | None, mend: str, tmp_path: Path
 ) -> None:

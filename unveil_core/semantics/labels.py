@@ -18,7 +18,7 @@ from unveil_core.base.errors import DriveError, SelectionError
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.labels.codes import BLACK
+from unveil_core.drives.labels.codes import BLACK, WHITE
 from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_of
 from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
 
@@ -157,7 +157,7 @@ def choose_labels(
         _check_instances(drive, instances, known)
     elif not chosen and scene.source == "masks":
         removes = drive.frames[0].codes.mask.removes
-        mend = "--mask-removes white turns them round" if removes == BLACK else "leave --mask-removes white out"
+        mend = f"--mask-removes {WHITE if removes == BLACK else BLACK} turns them round"
         raise SelectionError(f"nothing to remove: no mask has anything {removes}, which is what is removed", mend=mend)
     elif not chosen:
         asked = ", ".join(remove) if remove else ", ".join(REMOVABLE)

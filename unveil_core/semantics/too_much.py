@@ -10,7 +10,7 @@ from unveil_core.drives.checks.findings import Finding
 from unveil_core.drives.cityscapes import CITYSCAPES
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.importing.check import Checked
-from unveil_core.drives.labels.codes import BLACK
+from unveil_core.drives.labels.mask_codes import TURNED_ROUND
 from unveil_core.semantics.classes import REMOVABLE, expand_names
 
 __all__ = ["MUCH", "much_removed"]
@@ -43,9 +43,7 @@ def much_removed(
     else:
         shares = checked.masked[np.isfinite(checked.masked)]
         what = "masks remove"
-        black = drive.frames[0].codes.mask.removes == BLACK
-        mend = "black and transparent is removed, as nerfstudio and COLMAP have it; --mask-removes white turns it round"
-        mend = mend if black else "white is removed, as given by --mask-removes"
+        mend = TURNED_ROUND[drive.frames[0].codes.mask.removes]
     much = shares[shares > MUCH]
     if not len(shares) or 2 * len(much) <= len(shares):
         return None

@@ -42,6 +42,7 @@ ALLOWED = {
     "unveil_core/forecast/machine.py": "tells the machine",
     "unveil_core/forecast/costs.py": "the program's own",
     "unveil_core/report/page.py": "the program's own",
+    "unveil_core/checkup/page.py": "the program's own",
     "unveil_core/pipeline/source_digest.py": "the program's own",
     "unveil_core/raster/cpu/block.py": "the program's own",
     "unveil_core/base/kernels/compiled.py": "the program's own",

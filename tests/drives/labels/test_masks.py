@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,11 +12,14 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.drives.labels.files import as_palette, saved
+from tests.drives.tiny_drive import make_tiny_drive
 from unveil_core.base.pictures.decoding import read_values
-from unveil_core.drives.labels.codes import MaskCode
+from unveil_core.drives import open_drive
+from unveil_core.drives.labels.codes import LabelCodes, MaskCode
 from unveil_core.drives.labels.mask_codes import mask_code
-from unveil_core.drives.labels.reading import removed
+from unveil_core.drives.labels.reading import mask_of, removed
 from unveil_core.drives.labels.samples import samples_of
+from unveil_core.drives.labels.understood import with_codes
 
 Gone = NDArray[np.bool_]
 
@@ -107,4 +111,19 @@ def test_white_is_removed_where_the_user_says_so(tmp_path: Path) -> None:
 def test_masks_that_remove_nothing_are_told_with_the_convention(tmp_path: Path) -> None:
     code, told = mask_code(samples_of([saved(tmp_path / "0.png", np.full((24, 32), 255, np.uint8))]))
     assert code == MaskCode()
-    assert len(told) == 1 and "remove nothing: 0 is what is removed" in told[0] and "--mask-removes white" in told[0]
+    assert (
+        len(told) == 1
+        and "remove nothing: black and transparent is removed" in told[0]
+        and "--mask-removes white" in told[0]
+    )
+
+
+def test_what_the_format_removes_is_taken_unless_somebody_says_otherwise(tmp_path: Path) -> None:
+    """As Instant-NGP's masks, whose white is removed."""
+    drive = make_tiny_drive(tmp_path, semantics=False, masks=True)
+    opened = open_drive(drive)
+    white = LabelCodes(mask=MaskCode("white"))
+    ngp = replace(opened, frames=tuple(replace(f, codes=white) for f in opened.frames))
+    for removes, turned in ((None, True), ("white", True), ("black", False)):
+        frame = with_codes(ngp, mask_removes=removes).frames[1]
+        assert (mask_of(frame) != mask_of(opened.frames[1])).all() == turned

@@ -11,11 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.drives.labels.codes import BLACK, MaskCode
+from unveil_core.drives.labels.codes import BLACK, WHITE, MaskCode
 from unveil_core.drives.labels.reading import levels_of, removed
 from unveil_core.drives.labels.samples import Sample
 
-__all__ = ["mask_code"]
+__all__ = ["TURNED_ROUND", "mask_code"]
+
+TURNED_ROUND = {
+    BLACK: "black and transparent is removed, as nerfstudio and COLMAP have it; --mask-removes white turns it round",
+    WHITE: "white is removed, as Instant-NGP has it; --mask-removes black turns it round",
+}
+"""What is removed of masks of which nobody says it, and what to do where it is meant otherwise."""
 
 HALF = 127
 """Between black and white."""
@@ -27,12 +33,12 @@ FEW = 0.02
 """Share of pixels between black and white, in masks that know only the two."""
 
 
-def mask_code(samples: Sequence[Sample], removes: str | None = None) -> tuple[MaskCode, list[str]]:
+def mask_code(samples: Sequence[Sample], removes: str | None = None, usual: str = BLACK) -> tuple[MaskCode, list[str]]:
     """What masks hold.
 
     Args:
         samples: some of them.
-        removes: "black" or "white", where the user says it.
+        removes: "black" or "white", where the user says it; usual: what the format has, where nobody does.
     Returns:
         the code, and what a user should know of it, a line each.
     """
@@ -43,13 +49,11 @@ def mask_code(samples: Sequence[Sample], removes: str | None = None) -> tuple[Ma
             "masks are taken from the transparency of their pictures, whose colours tell nothing: transparent = remove"
         )
     levels = _levels(samples, MaskCode(by_alpha=by_alpha))
-    code = MaskCode(removes or BLACK, by_alpha, _up_to(samples, levels))
+    code = MaskCode(removes or usual, by_alpha, _up_to(samples, levels))
     if code.up_to:
         told.append(f"masks are of a lossy format: levels up to {code.up_to} count as black")
     if samples and removes is None and not any(removed(s.small, code).any() for s in samples):
-        told.append(
-            "masks remove nothing: 0 is what is removed, as nerfstudio and COLMAP have it; --mask-removes white turns them round"
-        )
+        told.append(f"masks remove nothing: {TURNED_ROUND[usual]}")
     return code, told
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from unveil_core.base.drive_options import LABEL_CLASSES, DriveOptions
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.labels.codes import TRAIN_IDS, WHITE, LabelCodes
+from unveil_core.drives.labels.codes import BLACK, TRAIN_IDS, LabelCodes
 from unveil_core.drives.labels.folders import with_instance_folder, with_label_folder
 from unveil_core.drives.labels.instance_codes import instance_code
 from unveil_core.drives.labels.mask_codes import mask_code
@@ -38,7 +38,7 @@ def with_codes(drive: Drive, label_classes: str | None = None, mask_removes: str
 
     Args:
         label_classes: one of ``codes.LABEL_CLASSES``, where the user names what pictures of classes hold.
-        mask_removes: "black" or "white", likewise.
+        mask_removes: "black" or "white", likewise; None = what the codes that the reader gave the frames say.
     Raises:
         DriveError: pictures that hold nothing of what is known.
     """
@@ -48,14 +48,14 @@ def with_codes(drive: Drive, label_classes: str | None = None, mask_removes: str
     semantic, line = semantic_code(samples_of(semantics), label_classes or (None if named == TRAIN_IDS else named))
     told += [] if line is None else [line]
     masks = [f.mask_path for f in drive.frames if f.mask_path is not None]
-    of_format = WHITE if any(f.codes.mask.removes == WHITE for f in drive.frames) else None
-    mask, lines = mask_code(samples_of(masks), mask_removes or of_format)
+    usual = next((f.codes.mask.removes for f in drive.frames if f.mask_path is not None), BLACK)
+    mask, lines = mask_code(samples_of(masks), mask_removes, usual)
     told += lines if not semantics else []  # which are used in their place
     maps = [f.instance_path for f in drive.frames if f.instance_path is not None]
     instance, line = instance_code(samples_of(maps), maps)
     told += [] if line is None else [line]
     codes = LabelCodes(semantic, mask, instance)
-    if codes == LabelCodes() and not told:
+    if not told and all(f.codes == codes for f in drive.frames):
         return drive
     frames = tuple(replace(f, codes=codes) for f in drive.frames)
     return replace(drive, frames=frames, notices=(*drive.notices, *told))
