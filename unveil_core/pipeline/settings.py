@@ -28,7 +28,8 @@ HEIGHTS_M = (0.05, 200.0)
 MOST_GROWN_PX = 200
 """By which an object's mask may be enlarged: a tenth of the width of full HD."""
 OF_DRIVES = (
-    "scene", "cameras", "frames", "sweeps", "labels", "instance_maps", "label_classes", "mask_removes", "pose_convention",
+    "scene", "cameras", "frames", "sweeps", "model", "labels", "instance_maps", "label_classes", "mask_removes",
+    "pose_convention",
 )  # fmt: skip
 """Settings that tell which part of a drive is read, and how, see ``base.drive_options.DriveOptions``."""
 UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
