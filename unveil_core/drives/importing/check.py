@@ -62,14 +62,13 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> Checked:
         if frame.timestamp is not None and not abs(frame.timestamp) <= LATEST_S:
             mend = "give seconds, or leave time stamps out"
             raise DriveError(f"{frame.timestamp:g} is no time stamp (frame {frame.name})", path=drive.root, mend=mend)
-        size = (frame.camera.width, frame.camera.height)
         photograph(frame)
         if frame.semantic_path is not None:
-            classes[done] = np.bincount(semantics_of(frame, size, strict=True).ravel(), minlength=256)
+            classes[done] = np.bincount(semantics_of(frame, strict=True).ravel(), minlength=256)
         if frame.mask_path is not None:
-            masked[done] = mask_of(frame, size).mean()
+            masked[done] = mask_of(frame).mean()
         if frame.instance_path is not None:
-            instances_of(frame, size)
+            instances_of(frame)
         progress(done + 1, len(drive.frames), "checking files")
     return Checked(classes, masked)
 

@@ -15,7 +15,7 @@ from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.copies import copied_or_linked
 from unveil_core.drives.drive import Distortion, Footage, Frame, FrameLabels
 from unveil_core.drives.labels.codes import InstanceCode, MaskCode
-from unveil_core.drives.labels.reading import instances_of, is_grey_png, mask_of, semantics_of
+from unveil_core.drives.labels.reading import can_stay, instances_of, mask_of, semantics_of
 from unveil_core.drives.photographs import is_plain, photograph, store_photograph
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
@@ -186,7 +186,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         ) -> None:
             if warped:
                 write_image_atomic(path, warp(read(frame), border=border), like=found)
-            elif is_grey_png(found, *bits):  # as it is kept here, too
+            elif can_stay(found, frame, *bits):  # as it is kept here, too
                 copied_or_linked(found, path)
             else:
                 write_image_atomic(path, read(frame), like=found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,18 +11,22 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.pictures.decoding import Values, read_values
+from unveil_core.drives.checks.sizes import is_clean_ratio
 from unveil_core.drives.cityscapes import VOID
 from unveil_core.drives.drive import Frame
+from unveil_core.drives.formats.cameras import picture_size
 from unveil_core.drives.labels.codes import BLACK, InstanceCode, MaskCode, SemanticCode
 from unveil_core.drives.labels.colours import packed, train_ids_of_colours
 from unveil_core.drives.labels.orders import order_targets
+from unveil_core.geometry.label_images import resize_labels
 
 __all__ = [
+    "can_stay",
     "colours_of",
     "ids_of",
     "instances",
     "instances_of",
-    "is_grey_png",
+    "is_of_other_size",
     "levels_of",
     "mask_of",
     "removed",
@@ -32,6 +36,9 @@ __all__ = [
 ]
 
 Ids = NDArray[Any]
+L = TypeVar("L", bound=np.integer[Any])
+MOST_TIMES = 8
+"""A label picture may be so many times smaller or larger than its photograph."""
 MOST_TAGS = 64
 """Pictures in which one channel alone has numbers are taken for such with labels in it, as CARLA's cameras write, if these are
 smaller: 28 is CARLA's largest."""
@@ -41,37 +48,63 @@ HEADER_BYTES = 26
 """Of a PNG: signature, size, bits a channel, kind of colour."""
 
 
-def semantics_of(frame: Frame, size: tuple[int, int] | None = None, *, strict: bool = False) -> NDArray[np.uint8]:
+def semantics_of(frame: Frame, *, strict: bool = False) -> NDArray[np.uint8]:
     """(H, W) trainIds of a frame that has a picture of classes, 255 void.
 
     Args:
-        size: (width, height) that it must have; None = any.
         strict: see :func:`train_ids`.
     Raises:
-        DriveError: it cannot be read, or holds no such classes.
+        DriveError: it cannot be read, has another shape than the photograph, or holds no such classes.
     """
     assert frame.semantic_path is not None
-    return train_ids(read_values(frame.semantic_path, size), frame.codes.semantic, frame.semantic_path, strict=strict)
+    values = _values(frame.semantic_path, frame)
+    return _fitted(train_ids(values, frame.codes.semantic, frame.semantic_path, strict=strict), frame)
 
 
-def mask_of(frame: Frame, size: tuple[int, int] | None = None) -> NDArray[np.bool_]:
+def mask_of(frame: Frame) -> NDArray[np.bool_]:
     """(H, W) what the mask of a frame that has one removes.
 
     Raises:
-        DriveError: it cannot be read.
+        DriveError: it cannot be read, or has another shape than the photograph.
     """
     assert frame.mask_path is not None
-    return removed(read_values(frame.mask_path, size), frame.codes.mask)
+    gone = removed(_values(frame.mask_path, frame), frame.codes.mask)
+    return _fitted(gone.view(np.uint8), frame).view(np.bool_)
 
 
-def instances_of(frame: Frame, size: tuple[int, int] | None = None) -> NDArray[np.uint16]:
+def instances_of(frame: Frame) -> NDArray[np.uint16]:
     """(H, W) ids of objects of a frame that has an instance map, 0 none.
 
     Raises:
-        DriveError: it cannot be read, or has several channels that tell nothing.
+        DriveError: it cannot be read, has another shape than the photograph, or has several channels that tell nothing.
     """
     assert frame.instance_path is not None
-    return instances(read_values(frame.instance_path, size), frame.codes.instance, frame.instance_path)
+    return _fitted(instances(_values(frame.instance_path, frame), frame.codes.instance, frame.instance_path), frame)
+
+
+def is_of_other_size(path: Path, frame: Frame) -> bool:
+    """Whether a label picture is smaller or larger than its photograph in both directions alike: it is scaled when it is read.
+
+    Raises:
+        DriveError: it cannot be read, or has another shape.
+    """
+    found, wanted = picture_size(path), (frame.camera.width, frame.camera.height)
+    if found == wanted:
+        return False
+    if is_clean_ratio(wanted, found) and 1 / MOST_TIMES <= found[0] / wanted[0] <= MOST_TIMES:
+        return True
+    problem = f"is {found[0]}x{found[1]} pixels, its camera says {wanted[0]}x{wanted[1]}"
+    raise DriveError(problem, path=path, mend="export it at the size of its photograph, or another one of its shape")
+
+
+def _values(path: Path, frame: Frame) -> Values:
+    return read_values(path, None if is_of_other_size(path, frame) else (frame.camera.width, frame.camera.height))
+
+
+def _fitted(picture: NDArray[L], frame: Frame) -> NDArray[L]:
+    """A label picture at the size of its photograph."""
+    fitted: Any = resize_labels(picture, (frame.camera.width, frame.camera.height))
+    return np.asarray(fitted)
 
 
 def ids_of(values: Values, *, by_palette: bool = False) -> Ids | None:
@@ -190,11 +223,14 @@ def instances(values: Values, code: InstanceCode, path: Path) -> NDArray[np.uint
     return ids.astype(np.uint16)
 
 
-def is_grey_png(path: Path, *bits: int) -> bool:
-    """Whether a file is a PNG of one channel with one of these numbers of bits: such a one can stay as it is."""
+def can_stay(path: Path, frame: Frame, *bits: int) -> bool:
+    """Whether a label picture is a PNG of its photograph's size, of one channel, with one of these numbers of bits."""
     try:
         with open_file(path) as stream:
             header = stream.read(HEADER_BYTES)
     except OSError:
         return False
-    return header[:4] == b"\x89PNG" and len(header) == HEADER_BYTES and header[24] in bits and header[25] == 0
+    if header[:4] != b"\x89PNG" or len(header) < HEADER_BYTES:
+        return False
+    size = int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
+    return size == (frame.camera.width, frame.camera.height) and header[24] in bits and header[25] == 0
