@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.drives.captures import frames, write_picture, write_transforms
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import SettingsError
@@ -134,3 +135,13 @@ def test_a_folder_and_a_network_are_one_too_many(tmp_path: Path) -> None:
 def test_a_relative_folder_is_that_of_the_first_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert RunSettings(labels="labels").drive_options.labels == str(tmp_path / "labels")
+
+
+def test_pictures_may_lie_as_the_photographs_do(tmp_path: Path) -> None:
+    """Of one camera whose photographs lie in two folders of a card."""
+    names = [f"images/{100 + i // 6}MEDIA/P_{i:04d}.png" for i in range(12)]
+    path = write_transforms(tmp_path / "drive", frames(names))
+    for name in names:
+        write_picture(tmp_path / "labels" / name.removeprefix("images/"), 1)
+    opened = open_drive(path, DriveOptions(labels=str(tmp_path / "labels")))
+    assert [f.semantic_path for f in opened.frames] == [tmp_path / "labels" / n.removeprefix("images/") for n in names]

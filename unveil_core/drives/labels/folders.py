@@ -120,6 +120,8 @@ def _usual_places(frame: Frame, folder: Path, drive: Drive | None) -> Iterator[P
     one_camera = drive is not None and len({f.camera_name for f in drive.frames}) == 1
     for stem in dict.fromkeys(_names(frame)):
         yield folder / frame.camera_name / f"{stem}.png"
+        # The photographs' own folder, of which one camera may have several.
+        yield folder / frame.image_path.parent.name / f"{stem}.png"
         if one_camera:
             yield folder / f"{stem}.png"
 
