@@ -10,7 +10,7 @@ from tests.pavement import box, tiles
 from unveil_core.base.errors import SettingsError
 from unveil_core.evaluate.metrics import psnr
 from unveil_core.geometry.images import grow
-from unveil_core.inpaint.frames.compose import compose_frame
+from unveil_core.inpaint.frames.compose import compose_frame, in_the_light_of
 from unveil_core.inpaint.frames.depth import NOTHING_KNOWN_M, complete_depth
 from unveil_core.inpaint.single_image.registry import BUILT_IN, inpainter
 
@@ -101,3 +101,13 @@ def test_where_nothing_is_known_the_ground_or_the_end_of_the_street_is() -> None
     ceiling = np.where(np.arange(6) < 3, 7.0, np.inf) * np.ones((4, 1))
     found = complete_depth(np.zeros((4, 6), np.float32), nothing, ~nothing, ceiling)
     assert (found[:, :3] == 7.0).all() and (found[:, 3:] == NOTHING_KNOWN_M).all()
+
+
+def test_the_scene_is_shown_in_the_light_of_the_filled_frame() -> None:
+    """What is fine comes from the scene, what is broad from the filled frame."""
+    fine = np.tile(np.array([[100, 120], [120, 100]], np.uint8), (32, 48))[..., None].repeat(3, axis=2)
+    filled = np.full((64, 96, 3), 150, np.uint8)
+    removed = np.zeros((64, 96), bool)
+    removed[16:48, 24:72] = True
+    found = in_the_light_of(fine, filled, removed)[removed].astype(int)
+    assert abs(found.mean() - 150) < 1 and found.std() > 8

@@ -6,10 +6,27 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Mask
-from unveil_core.geometry.images import border_px, grow
+from unveil_core.base.types import Mask, Picture
+from unveil_core.geometry.images import border_px, grow, masked_blur, scale_from_384
 
-__all__ = ["compose_frame", "optimized_pixels"]
+__all__ = ["compose_frame", "in_the_light_of", "optimized_pixels"]
+
+LIGHT_PX = 2.5
+"""Standard deviation of what is light, pixels at 384. On planted cars of three real drives 2.5 is 0.03 to 0.1 dB better than 1, and
+0.1 to 0.4 dB than the filled frame alone."""
+
+
+def in_the_light_of(rendered: Picture, filled: Picture, removed: Mask) -> Picture:
+    """The optimized scene in a frame, (H, W, 3), as bright as the frame was filled: a surfel has one colour for all views, and the
+    chart's texels have edges that the optimization smoothed.
+
+    Args:
+        filled: (H, W, 3) before the scene was optimized; removed: (H, W) pixels of which both show the empty street.
+    """
+    picture = rendered.astype(np.float32)
+    sigma = LIGHT_PX * scale_from_384(removed.shape[1])
+    light = masked_blur(filled.astype(np.float32) - picture, removed, sigma)
+    return np.clip(np.round(picture + light), 0, 255).astype(np.uint8)
 
 
 def optimized_pixels(removed: Mask, moving: Mask) -> Mask:

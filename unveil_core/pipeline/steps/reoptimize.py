@@ -22,7 +22,7 @@ from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.ground.files import read_ground
-from unveil_core.inpaint.frames.compose import compose_frame
+from unveil_core.inpaint.frames.compose import compose_frame, in_the_light_of, optimized_pixels
 from unveil_core.inpaint.origin import INVENTED, ORIGINAL, SEEN_ELSEWHERE
 from unveil_core.inpaint.single_image.registry import fill_around, inpainter
 from unveil_core.optimize.adaptation.colour_degree import seen_from_anywhere
@@ -40,6 +40,7 @@ from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
+from unveil_core.workspace.movers import read_moving
 
 __all__ = ["run", "run_block"]
 
@@ -59,6 +60,7 @@ def run(context: StageContext) -> None:
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     work.parts.tidy()
     del work, scene  # the scene as it was
+    moving = read_moving(workspace.root)
     looks = looks_of(workspace.root, frames, empty, cache, context.scratch("origins"))
     photographs = Photographs(looks.views, looks.pictures, read_ground(workspace.ground_npz).street)
     for i, frame in enumerate(drive.frames):
@@ -70,7 +72,10 @@ def run(context: StageContext) -> None:
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        street = carried_over(photographs, i, clean[i], picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
+        # Around dynamic objects nothing was optimized: there the filled frame is shown.
+        optimized = optimized_pixels(removed, moving.pixels(frame))
+        street = np.where(optimized[..., None], in_the_light_of(picture, clean[i], optimized), clean[i])
+        street = carried_over(photographs, i, street, picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
         delivered = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
         write_image_atomic(finished, delivered if corrections is None else corrections.work_size(i, delivered))
         context.progress(i + 1, len(frames), "drawing the empty street")
