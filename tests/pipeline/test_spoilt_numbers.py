@@ -14,8 +14,9 @@ import torch
 
 from tests.hard_drives import make_tiny_drive, replace_images, unchanged_outside
 from tests.small_street import CAR, ROAD, pose_at
-from unveil_core.base.errors import DriveError, SelectionError
+from unveil_core.base.errors import SelectionError
 from unveil_core.base.files import read_json
+from unveil_core.drives import open_drive
 from unveil_core.drives.points import read_points
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
@@ -61,8 +62,8 @@ def test_black_and_white_frames_cameras_in_a_wall_and_points_that_are_no_numbers
     points = np.repeat(points[::4], 3, axis=0)
     for nowhere in (np.nan, np.inf):
         ply_of(np.concatenate([points, [[0, 0, nowhere]]]), path.parent / "points.ply")
-        with pytest.raises(DriveError, match=rf"points\.ply: point {len(points)} is not finite \(remove it\)"):
-            run(path, tmp_path / "w", FEW)
+        (told,) = open_drive(path).notices
+        assert told == f"points.ply: 1 of {len(points) + 1} points are NaN or infinite and are left out"
     ply_of(np.concatenate([points, [[3e4, 0, 0]]]), path.parent / "points.ply")
     check_whole(run(path, tmp_path / "w", FEW), path)
 
@@ -70,7 +71,7 @@ def test_black_and_white_frames_cameras_in_a_wall_and_points_that_are_no_numbers
 def test_one_frame_of_which_everything_is_removed(tmp_path: Path) -> None:
     path = make_tiny_drive(tmp_path / "d", [pose_at(0)], shrink=SHRINK)
     replace_images(path, "semantics", lambda labels, _: np.full_like(labels, CAR))
-    workspace = run(path, tmp_path / "w", FEW)
+    workspace = run(path, tmp_path / "w", FEW, yes=True)
     check_whole(workspace, path)
     assert len(list((workspace.root / "frames").rglob("*.png"))) == 1
 

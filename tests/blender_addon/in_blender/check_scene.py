@@ -32,7 +32,7 @@ def rig(document):
         frame["camera"] = ("front", "left")[i % 2]
         frame["fl_x"] = 25.0 if i % 2 == 0 else 20.0 + i
 edit(make_tiny_drive(folder / "rig"), rig)
-from tests.drives.formats.test_colmap import write_model
+from tests.drives.formats.colmap.test_model import write_model
 write_model(folder / "colmap", True)
 """
 
@@ -177,7 +177,7 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
     picked = made / "ws/drive/cameras.json"
     assert bpy.ops.unveil.open_drive(filepath=str(picked), workspace=str(again)) == {"FINISHED"}
     assert len(list((again / "drive/images").rglob("*.png"))) == 8 and len(scene.collection.children) == 2
-    with pytest.raises(RuntimeError, match="holds no drive"):
+    with pytest.raises(RuntimeError, match="holds pictures alone"):
         bpy.ops.unveil.open_drive(filepath=str(made / "rig/images/00.png"), workspace=str(tmp_path / "none"))
 
 
