@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64
+from unveil_core.geometry.fields.robust import MAD_TO_DEVIATION
 from unveil_core.geometry.images import sample_at
 
 __all__ = ["find_shift", "shift_planes"]
@@ -26,8 +27,6 @@ PIXELS = 2000
 """That are compared, evenly chosen: a shift of two numbers does not need more, and each costs time."""
 LEAST_LEVELS = 2.0
 """Least scale of the robust weights, levels of 255: quantization and compression."""
-MAD_TO_DEVIATION = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 
 
 def shift_planes(gray: Float32) -> list[Float32]:

@@ -19,9 +19,10 @@ import cv2
 import numpy as np
 
 from unveil_core.base.types import Float32, Float64, Mask, Picture
-from unveil_core.delivery.alignment import MAD_TO_DEVIATION, find_shift, shift_planes
+from unveil_core.delivery.alignment import find_shift, shift_planes
 from unveil_core.delivery.views import EmptyViews, choose_sources, places_behind, sees
 from unveil_core.geometry.fields.pull_push import pull_push
+from unveil_core.geometry.fields.robust import held_near_median
 from unveil_core.geometry.images import area_px, border_px, luminance, masked_blur, sample_at, scale_from_384, within
 from unveil_core.ground.street import Ground
 
@@ -45,10 +46,8 @@ FEATHER_PX = 2.0
 END_PX = 1.0
 """Width over which a photograph fades where it shows no more, pixels at 384. Of 0, 1, 2 and 4 the one with the least LPIPS of whole
 cars on KITTI; the wider, the less is left of thin strips."""
-OUTLIER = 2.5
-"""Standard deviations beyond which a difference on the ring counts as no more: there the two show different things."""
 LEAST_LEVELS = 2.0
-"""Least standard deviation of these differences, levels of 255."""
+"""Least standard deviation of differences on the ring, levels of 255."""
 BLURS_PX = (1.0, 2.0)
 """Standard deviations under which a photograph is read that is twice and four times finer, pixels: half of what a pixel covers."""
 SAMPLES = 4000
@@ -233,11 +232,7 @@ def _sampled(levels: Sequence[Float32], pixels: Float64, finer: Float32) -> Floa
 def _difference(left: Float32, ring: Mask) -> Float32:
     """(h, w, 3) differences on the ring, held near their median where the two show different things."""
     known = left[ring]
-    known = known[:: max(1, len(known) // SAMPLES)]
-    middle = np.median(known, axis=0)
-    spread = MAD_TO_DEVIATION * np.median(np.abs(known - middle), axis=0) + LEAST_LEVELS
-    held: Float32 = np.clip(left, middle - OUTLIER * spread, middle + OUTLIER * spread).astype(np.float32)
-    return held
+    return held_near_median(left, known[:: max(1, len(known) // SAMPLES)], LEAST_LEVELS)
 
 
 def _mixed(base: Float32, ours: Float32, warped: Sequence[_Warped], places: _Places) -> Float32:

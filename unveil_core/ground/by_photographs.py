@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from unveil_core.base.evenly import evenly
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Float64, Mask
@@ -116,7 +117,7 @@ def heights_over_ground(
         usual: about the height, as points tell it; None = not known. Paving repeats itself, and then agrees on other heights, too.
     """
     count = len(street.views)
-    first = np.unique(np.linspace(0, count - 1, min(count, ASKED_FIRST)).round().astype(int))
+    first = evenly(count, ASKED_FIRST)
     lowest, highest = (LOWEST_M, HIGHEST_M) if usual is None else (usual * (1 - ABOUT), usual * (1 + ABOUT))
     ladder = lowest * (1 + STEP) ** np.arange(1 + np.log(highest / lowest) / np.log(1 + STEP))
     some = [told[0] for i in first if (told := _height(street, i, ladder, barred[i])) is not None]

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.evenly import evenly
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.resume.checkpoint import Kept
@@ -151,8 +152,8 @@ class StreetFill:
     def _looks(self) -> GroundLooks:
         """Ground as seen from several places, of some stretches from the first to the last."""
         parts = []
-        for stretch in _evenly(self.stretches, LIGHT_STRETCHES):
-            frames = _evenly(stretch.frames, LIGHT_FRAMES)
+        for stretch in [self.stretches[k] for k in evenly(len(self.stretches), LIGHT_STRETCHES)]:
+            frames = [stretch.frames[k] for k in evenly(len(stretch.frames), LIGHT_FRAMES)]
             parts.append(
                 read_looks(
                     self.ground,
@@ -324,7 +325,7 @@ class StreetFill:
             return read_chart(
                 self.ground,
                 self.cameras_of(stretch),
-                self.of_frames(stretch, Frames(len(self.cameras), self._unlit)),
+                self.of_frames(stretch, self.cache.frames(len(self.cameras), self._unlit)),
                 self.of_frames(stretch, self.views.labels),
                 self.of_frames(stretch, self.usable),
                 rows=stretch.rows,
@@ -368,11 +369,6 @@ class StreetFill:
     def _footprint(self, stretch: Stretch, chart: StreetChart) -> Mask:
         near = self.near(stretch)
         return footprint_of(chart, self.removal.objects(near), self.removal.loose(near))
-
-
-def _evenly(items: Sequence[T], most: int) -> list[T]:
-    """As many as that at most, from the first to the last."""
-    return [items[k] for k in np.unique(np.linspace(0, len(items) - 1, min(len(items), most)).round().astype(int))]
 
 
 def _surely_more(one: Float64, other: Float64) -> bool:

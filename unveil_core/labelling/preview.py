@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.evenly import evenly
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.written import check_writable, note_written
 from unveil_core.base.pictures.decoding import read_image
@@ -33,8 +34,7 @@ EDGES = [(i, j) for i in range(8) for j in range(i + 1, 8) if (i ^ j) in (1, 2, 
 
 def preview_frames(drive: Drive) -> list[int]:
     """Indices of the frames of which pictures are made: all, or so many evenly chosen ones."""
-    count = len(drive.frames)
-    return [int(i) for i in np.linspace(0, count - 1, min(count, MOST_FRAMES)).round()]
+    return evenly(len(drive.frames), MOST_FRAMES)
 
 
 def write_preview(

@@ -24,6 +24,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.exposure import Exposure, Exposures
+from unveil_core.geometry.fields.robust import MAD_TO_DEVIATION
 from unveil_core.optimize.shared_colours import (
     BRIGHTEST,
     DARKEST,
@@ -48,7 +49,7 @@ LEAST_GAIN, LEAST_SPREAD = 0.10, 0.02
 
 def _robust(residual: Float64) -> Float64:
     """Huber's weights, with the scale of most residuals."""
-    scale = max(0.005, 1.4826 * float(np.median(np.abs(residual))))
+    scale = max(0.005, MAD_TO_DEVIATION * float(np.median(np.abs(residual))))
     weight: Float64 = np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(residual), 1e-12))
     return weight
 

@@ -237,18 +237,7 @@ class RunSettings:
     @property
     def drive_options(self) -> DriveOptions:
         """Which part of the drive is read."""
-        return DriveOptions(
-            self.scene,
-            self.cameras,
-            self.frames,
-            self.sweeps,
-            labels=self.labels,
-            model=self.model,
-            instance_maps=self.instance_maps,
-            label_classes=self.label_classes,
-            mask_removes=self.mask_removes,
-            pose_convention=self.pose_convention,
-        )
+        return DriveOptions(**{name: getattr(self, name) for name in OF_DRIVES})
 
     def without_drive_options(self) -> RunSettings:
         """The same for another drive, that is read whole and has its labels."""

@@ -11,11 +11,11 @@ import math
 import struct
 from dataclasses import dataclass
 
+from unveil_core.base.pictures.tiff_header import SIZES, TIFF
+
 __all__ = ["Exif", "cleaned_exif", "exif_facts"]
 
-ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
-SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
-"""Bytes of a value by the number of its type."""
+ORDERS = dict(zip(TIFF, "<>", strict=True))
 MOST_ENTRIES, MOST_BYTES = 512, 1 << 16
 """Of a directory, and of all values: a JPEG has no room for more."""
 MAKE, MODEL, ORIENTATION, TIME = 271, 272, 274, 306

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-__all__ = ["TIFF", "TiffHeader", "tag_place", "tiff_header"]
+__all__ = ["SIZES", "TIFF", "TiffHeader", "tag_place", "tiff_header"]
 
 TIFF = (b"II*\0", b"MM\0*")
 """How the files begin: least or most significant byte first."""
@@ -79,8 +79,8 @@ def tiff_header(content: bytes) -> TiffHeader | None:
     return TiffHeader(width, height, whole, pixel, problem)
 
 
-def tag_place(content: bytes, wanted: int) -> tuple[int, int] | None:
-    """Where the values of a tag of 16-bit numbers lie in a file, in bytes, and how many they are; None where there is no such."""
+def _directory(content: bytes) -> tuple[str, int, int] | None:
+    """Byte order of ``struct``, place and number of entries of the first directory; None where it is not in the file."""
     order = "<" if content[:2] == b"II" else ">"
     if len(content) < 8:
         return None
@@ -88,6 +88,15 @@ def tag_place(content: bytes, wanted: int) -> tuple[int, int] | None:
     if at + 2 > len(content):
         return None
     (count,) = struct.unpack_from(order + "H", content, at)
+    return order, at, count
+
+
+def tag_place(content: bytes, wanted: int) -> tuple[int, int] | None:
+    """Where the values of a tag of 16-bit numbers lie in a file, in bytes, and how many they are; None where there is no such."""
+    directory = _directory(content)
+    if directory is None:
+        return None
+    order, at, count = directory
     for entry in range(at + 2, min(at + 2 + 12 * count, len(content) - 11), 12):
         tag, kind, many = struct.unpack_from(order + "HHI", content, entry)
         if tag == wanted and SIZES.get(kind) == 2:
@@ -101,13 +110,10 @@ def tag_place(content: bytes, wanted: int) -> tuple[int, int] | None:
 def _tags(content: bytes) -> tuple[dict[int, tuple[int, ...]], bool] | None:
     """The numbers of the first directory by tag, and whether it is sound: each tag once, its values in the file, whole numbers in
     those that are read."""
-    order = "<" if content[:2] == b"II" else ">"
-    if len(content) < 8:
+    directory = _directory(content)
+    if directory is None:
         return None
-    (at,) = struct.unpack_from(order + "I", content, 4)
-    if at + 2 > len(content):
-        return None
-    (count,) = struct.unpack_from(order + "H", content, at)
+    order, at, count = directory
     if at + 2 + 12 * count > len(content):
         return None
     found: dict[int, tuple[int, ...]] = {}

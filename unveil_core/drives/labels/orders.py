@@ -7,12 +7,14 @@ camera segmentation (``protos/camera_segmentation.proto``).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.drives.cityscapes import CITYSCAPES, LABEL_IDS, VOID, train_id
 
-__all__ = ["ORDERS", "order_targets"]
+__all__ = ["ORDERS", "order_targets", "targets_by_number"]
 
 KITTI360_IDS: dict[int, str] = {
     9: "road", 14: "fence", 15: "building", 16: "building", 18: "pole", 29: "truck", 30: "truck", 34: "building",
@@ -71,7 +73,11 @@ class 0, undefined, out. Classes that are not listed are void, as animals and fu
 
 def order_targets(order: str) -> NDArray[np.uint8]:
     """(C,) trainIds of the classes of one of :data:`ORDERS`, 255 void."""
-    count, names = ORDERS[order]
+    return targets_by_number(*ORDERS[order])
+
+
+def targets_by_number(count: int, names: Mapping[int, str]) -> NDArray[np.uint8]:
+    """(C,) trainIds of so many classes, of which some are called as Cityscapes calls them; 255 void of the others."""
     found = np.full(count, VOID, dtype=np.uint8)
     for number, name in names.items():
         found[number] = train_id(name)

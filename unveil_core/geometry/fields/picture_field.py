@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from unveil_core.base.types import Float32, Float64, Labels
+from unveil_core.geometry.fields.robust import MAD_TO_DEVIATION
 
 __all__ = ["PictureField", "fit_fields"]
 
@@ -25,8 +27,6 @@ ROUNDS = 6
 """Rounds of reweighting."""
 OUTLIER = 1.5
 """Multiple of the median difference, as a standard deviation, at which an observation weighs half (Cauchy)."""
-DEVIATION = 1.4826
-"""Standard deviation of a normal distribution whose absolute values have the median 1."""
 LEAST_SPREAD = 1e-3
 
 
@@ -72,7 +72,11 @@ class PictureField:
         return found
 
     def plane(self) -> Float32:
-        """(H, W, K) at all pixel centres."""
+        """(H, W, K) at all pixel centres. Never write to it: it is handed out again."""
+        return self._plane
+
+    @cached_property
+    def _plane(self) -> Float32:
         width, height = self.size
         y, x = np.mgrid[0:height, 0:width] + 0.5
         return self.at(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(height, width, -1)
@@ -110,7 +114,7 @@ def fit_fields(
         left = seen - design @ values
         left -= ((members @ (robust[:, None] * left)) / total)[place]
         error = np.abs(left).max(axis=1)
-        spread = DEVIATION * float(np.median(error)) + LEAST_SPREAD
+        spread = MAD_TO_DEVIATION * float(np.median(error)) + LEAST_SPREAD
         robust = weight / (1 + np.square(error / (OUTLIER * spread)))
     parts = values.reshape(len(start), *start[0].values.shape[:2], seen.shape[1])
     return [PictureField(part, field.size, field.top) for part, field in zip(parts, start, strict=True)]

@@ -165,8 +165,7 @@ class GroundLayer:
             width = across / self.chart.texel
             color[hit] = sample_levels(self._colors, place, footprint, width)
             if light is not None:
-                pixels = np.argwhere(wanted)[hit][:, ::-1].astype(np.float64) + 0.5
-                color[hit] = lit(np.clip(color[hit], 0, 1), light.at(pixels))
+                color[hit] = lit(np.clip(color[hit], 0, 1), light.plane()[wanted][hit])
             gain[hit] = sample_levels(self._gains, place, footprint, width)
             row, column, on_chart = self.chart.index_of(street[hit])
             source[hit] = np.where(on_chart, self.chart.source[row, column], OUTSIDE)

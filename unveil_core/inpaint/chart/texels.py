@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64
+from unveil_core.geometry.fields.robust import MAD_TO_DEVIATION
 from unveil_core.geometry.images import sample_at
 
 __all__ = ["Texels"]
@@ -20,8 +21,6 @@ square of the depth, and the variance of what it shows of a texel with the fourt
 
 OUTLIER = 1.5
 """Multiple of the usual difference from a texel's mean, as a standard deviation, at which a look weighs half (Cauchy)."""
-DEVIATION = 1.4826
-"""Standard deviation of a normal distribution whose absolute values have the median 1."""
 LEAST_SPREAD = 3.0
 """Least standard deviation of these differences, levels."""
 
@@ -59,7 +58,7 @@ class Texels:
         Args:
             differences: (M,) of looks from what their texels showed, see :meth:`add`.
         """
-        spread = DEVIATION * float(np.median(differences)) if len(differences) else 0.0
+        spread = MAD_TO_DEVIATION * float(np.median(differences)) if len(differences) else 0.0
         second = Texels.unseen(len(self.weight))
         return replace(second, expected=255 * self.color(), spread=max(spread, LEAST_SPREAD))
 

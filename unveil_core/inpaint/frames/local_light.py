@@ -11,6 +11,7 @@ import numpy as np
 
 from unveil_core.base.types import Float32, Mask, Picture
 from unveil_core.geometry.fields.pull_push import pull_push
+from unveil_core.geometry.fields.robust import held_near_median
 from unveil_core.geometry.images import area_px, scale_from_384
 from unveil_core.inpaint.light.view_light import light_of, lit
 
@@ -21,11 +22,8 @@ LEAST_RING_PX = 30
 SMOOTH_PX = 4.0
 """Length over which the factor is averaged, pixels at 384, rounded to a power of two. From 2 to 16 the holes of two real drives
 are the same within 0.05 dB."""
-OUTLIER = 2.5
-"""Standard deviations beyond which a difference counts as no more: there the two show different things."""
-DEVIATION = 1.4826
 LEAST_SPREAD = 0.05
-"""Least standard deviation of these differences, logarithm: the grain of asphalt."""
+"""Least standard deviation of differences on the ring, logarithm: the grain of asphalt."""
 
 
 def in_local_light(photograph: Picture, chart: Float32, known: Mask, plain: Mask) -> Float32:
@@ -42,10 +40,8 @@ def in_local_light(photograph: Picture, chart: Float32, known: Mask, plain: Mask
         return chart
     there = np.clip(np.round(chart[plain] * 255), 0, 255).astype(np.uint8)
     left = light_of(photograph[plain]) - light_of(there)
-    middle = np.median(left, axis=0)
-    spread = DEVIATION * np.median(np.abs(left - middle), axis=0) + LEAST_SPREAD
     factor = np.zeros_like(chart)
-    factor[plain] = np.clip(left, middle - OUTLIER * spread, middle + OUTLIER * spread)
+    factor[plain] = held_near_median(left, left, LEAST_SPREAD)
     levels = max(0, round(float(np.log2(SMOOTH_PX * scale_from_384(plain.shape[1])))))
     factor = pull_push(factor, plain.astype(np.float32), levels)
     result = chart.copy()

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.drives.cityscapes import CITYSCAPES, LABEL_IDS, VOID, train_id
+from unveil_core.drives.cityscapes import CITYSCAPES, LABEL_IDS, train_id
 from unveil_core.drives.labels.orders import ORDERS as LABEL_ORDERS
+from unveil_core.drives.labels.orders import targets_by_number
 from unveil_core.semantics.classes import REMOVABLE
 
 __all__ = ["BY_COUNT", "ORDERS", "known_name", "order_targets", "removable", "targets_of"]
@@ -55,11 +56,7 @@ def targets_of(names: Sequence[str]) -> NDArray[np.uint8]:
 
 def order_targets(order: str) -> NDArray[np.uint8]:
     """(C,) trainIds of the classes of one of :data:`ORDERS`, 255 void."""
-    count, names = ORDERS[order]
-    found = np.full(count, VOID, dtype=np.uint8)
-    for number, name in names.items():
-        found[number] = train_id(name)
-    return found
+    return targets_by_number(*ORDERS[order])
 
 
 def removable(targets: NDArray[np.uint8]) -> NDArray[np.bool_]:
