@@ -13,6 +13,7 @@ from tests.remove.test_regions import scene, surfels_at
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.depth_range import ASKED_M
+from unveil_core.geometry.fields.picture_field import PictureField
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.ground.path import fit_path
@@ -20,6 +21,7 @@ from unveil_core.ground.street import Ground
 from unveil_core.inpaint.by_stretch import StreetFill
 from unveil_core.inpaint.chart.street_chart import TEXEL_M, StreetChart, rows_of
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit
+from unveil_core.inpaint.light.view_light import ViewLight
 from unveil_core.inpaint.street_scene import Removal, Views
 from unveil_core.inpaint.stretches import AROUND_M, CASTS_M, QUIET_M, Stretch, cut_street
 
@@ -140,3 +142,25 @@ def test_an_object_whose_shadow_stays_casts_it_though_it_goes() -> None:
         (of_all, goes), (of_kept, less) = fill._near(before), kept._near(after)
         assert stays.any() and len(less) == len(goes) - stays.sum() and len(of_kept) == len(of_all) + stays.sum()
         assert len(kept.removal.objects(near)) == len(removal.objects(near))  # its place is filled all the same
+
+
+def test_pictures_of_one_camera_in_two_sizes_have_each_their_own_light() -> None:
+    """A photograph that was turned, or reduced, shows the ground at other places."""
+    ground, stretches = stretches_of(21, 20.0, np.zeros((0, 3)))
+    drive = straight(21, 1.0)
+    frames = [
+        replace(f, camera=f.camera.resized(f.camera.width // 2, f.camera.height) if i % 2 else f.camera)
+        for i, f in enumerate(drive.frames)
+    ]
+    drive = replace(drive, frames=tuple(frames))
+    removal = crowd(50, 20.0)
+    fill = StreetFill(
+        drive, scene(("car",)), ground, removal, Views([], [], [], []), stretches, cache=FrameCache(), kept=Kept()
+    )
+    sizes = [(f.camera.width, f.camera.height) for f in frames]
+    fields = tuple(PictureField.flat(size, 0.0) for size in fill._sizes)
+    fill.light = ViewLight(fields, 0.0, 0.1, 0.2)
+    assert len(set(sizes)) == 2
+    for i, size in enumerate(sizes):
+        field = fill.light_in(i)
+        assert field is not None and field.size == size and field.plane().shape[:2] == size[::-1]

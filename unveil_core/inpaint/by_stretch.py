@@ -79,10 +79,11 @@ class StreetFill:
         progress: Progress = no_progress,
     ) -> None:
         self.cameras = [f.camera for f in drive.frames]
-        names = sorted({f.camera_name for f in drive.frames})
-        self._which = [names.index(f.camera_name) for f in drive.frames]
-        firsts = [self.cameras[self._which.index(k)] for k in range(len(names))]
-        self._sizes = [(camera.width, camera.height) for camera in firsts]
+        # Pictures of one camera may be of several sizes; each has its own light.
+        taken = [(f.camera_name, (f.camera.width, f.camera.height)) for f in drive.frames]
+        kinds = sorted(set(taken))
+        self._which = [kinds.index(kind) for kind in taken]
+        self._sizes = [size for _, size in kinds]
         self.scene, self.ground, self.removal, self.views = scene, ground, removal, views
         self.stretches = [stretch for stretch in stretches if stretch.has_ground]
         self.cache, self.kept, self.progress = cache, kept, progress
