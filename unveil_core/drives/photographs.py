@@ -11,12 +11,11 @@ from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.files import write_bytes_atomic
 from unveil_core.base.output.copies import copied_or_linked
 from unveil_core.base.pictures.decoding import decode_image, read_image, read_image_as_it_is
+from unveil_core.base.pictures.headers import PNG_BYTES, png_start
 from unveil_core.drives.drive import Footage, Frame
 
 __all__ = ["is_plain", "photograph", "read_footage", "store_photograph"]
 
-HEADER_BYTES = 26
-"""Of a PNG: signature, size, bits a channel, kind of colour."""
 RGB = 2
 """PNG's number for colour without a palette or transparency."""
 
@@ -46,11 +45,12 @@ def is_plain(frame: Frame) -> bool:
     if frame.image_path.suffix.lower() in (".jpg", ".jpeg"):
         return True
     if frame.image_bytes is not None:
-        header = frame.image_bytes()[:HEADER_BYTES]
+        header = frame.image_bytes()[:PNG_BYTES]
     else:
         with open_file(frame.image_path) as stream:
-            header = stream.read(HEADER_BYTES)
-    return header[:4] == b"\x89PNG" and len(header) == HEADER_BYTES and (header[24], header[25]) == (8, RGB)
+            header = stream.read(PNG_BYTES)
+    found = png_start(header)
+    return found is not None and found[2:] == (8, RGB)
 
 
 def read_footage(footage: Footage) -> NDArray[np.uint8] | NDArray[np.uint16]:

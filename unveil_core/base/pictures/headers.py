@@ -14,9 +14,22 @@ from dataclasses import dataclass
 
 from unveil_core.base.pictures.tiff_header import TIFF, TiffHeader, tiff_header
 
-__all__ = ["BMP", "MOST_CHUNKS", "PNG", "Header", "format_of", "header_of", "is_lossy", "unread_format_of"]
+__all__ = [
+    "BMP",
+    "MOST_CHUNKS",
+    "PNG",
+    "PNG_BYTES",
+    "Header",
+    "format_of",
+    "header_of",
+    "is_lossy",
+    "png_start",
+    "unread_format_of",
+]
 
 PNG = b"\x89PNG\r\n\x1a\n"
+PNG_BYTES = 26
+"""Of its beginning: signature, size, bits a channel, kind of colour."""
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 """Values a pixel by the number of the colour type."""
 PNG_KEPT = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
@@ -99,6 +112,14 @@ def format_of(content: bytes) -> str | None:
     if content[:2] == BMP:
         return "BMP"
     return "WebP" if content[:4] == RIFF and content[8:12] == b"WEBP" else None
+
+
+def png_start(content: bytes) -> tuple[int, int, int, int] | None:
+    """Width, height, bits a channel and kind of colour, by the first :data:`PNG_BYTES` of a file; None of anything but a PNG."""
+    if content[:4] != PNG[:4] or len(content) < PNG_BYTES:
+        return None
+    width, height = (int.from_bytes(content[at : at + 4], "big") for at in (16, 20))
+    return width, height, content[24], content[25]
 
 
 def unread_format_of(content: bytes) -> str | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.pictures.decoding import Values, read_values
+from unveil_core.base.pictures.headers import PNG_BYTES, png_start
 from unveil_core.drives.checks.sizes import is_clean_ratio
 from unveil_core.drives.cityscapes import VOID
 from unveil_core.drives.drive import Frame
@@ -44,8 +45,6 @@ MOST_TAGS = 64
 smaller: 28 is CARLA's largest."""
 SPREAD = 257
 """What programs multiply 8 bits by that make 16 of them."""
-HEADER_BYTES = 26
-"""Of a PNG: signature, size, bits a channel, kind of colour."""
 
 
 def semantics_of(frame: Frame, *, strict: bool = False) -> NDArray[np.uint8]:
@@ -227,10 +226,11 @@ def can_stay(path: Path, frame: Frame, *bits: int) -> bool:
     """Whether a label picture is a PNG of its photograph's size, of one channel, with one of these numbers of bits."""
     try:
         with open_file(path) as stream:
-            header = stream.read(HEADER_BYTES)
+            header = stream.read(PNG_BYTES)
     except OSError:
         return False
-    if header[:4] != b"\x89PNG" or len(header) < HEADER_BYTES:
+    found = png_start(header)
+    if found is None:
         return False
-    size = int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
-    return size == (frame.camera.width, frame.camera.height) and header[24] in bits and header[25] == 0
+    *size, depth, colour = found
+    return size == [frame.camera.width, frame.camera.height] and depth in bits and colour == 0
