@@ -29,6 +29,8 @@ DEPTHS = (0.5, 1.0, 2.0, 4.0)
 FAR_STEP = 50.0
 """A frame that lies so many median steps from both of its neighbours is misplaced."""
 MOST_POINTS = 3000
+UNSEEN_M = 10.0
+"""Usual depth where cameras see no points, metres."""
 
 
 def way_findings(drive: Drive, points: Float64, placement: Placement) -> list[Finding]:
@@ -89,7 +91,7 @@ def _nothing_in_common(drive: Drive, points: Float64) -> list[Finding]:
     some = every_nth(points, MOST_POINTS)
     for track in tracks(drive):
         frames = [drive.frames[i] for i in track]
-        depth = _usual_depth(some, [f.camera for f in frames], drive.units_per_metre)
+        depth = _usual_depth(some, [f.camera for f in frames], UNSEEN_M * (drive.units_per_metre or 1.0))
         for one, two in zip(frames[:-1], frames[1:], strict=True):
             count += 1
             if not (_sees_of(two.camera, one.camera, depth) or _sees_of(one.camera, two.camera, depth)):
@@ -106,11 +108,11 @@ def _nothing_in_common(drive: Drive, points: Float64) -> list[Finding]:
     ]
 
 
-def _usual_depth(points: Float64, cameras: Sequence[Camera], units_per_metre: float | None) -> float:
-    """Median depth of the points that some of the cameras see; 10 m where they see none."""
+def _usual_depth(points: Float64, cameras: Sequence[Camera], otherwise: float) -> float:
+    """Median depth of the points that some of the cameras see; ``otherwise`` where they see none."""
     depths = [points_in_view(points, c)[1] for c in cameras[:: max(1, len(cameras) // 8)]] if len(points) else []
     seen = np.concatenate(depths) if depths else np.zeros(0)
-    return float(np.median(seen)) if len(seen) else 10.0 * (units_per_metre or 1.0)
+    return float(np.median(seen)) if len(seen) else otherwise
 
 
 def _sees_of(camera: Camera, other: Camera, depth: float) -> bool:

@@ -109,14 +109,14 @@ def in_seconds(drive: Drive) -> Drive:
     return replace(drive, frames=frames, sweeps=sweeps, notices=tuple(notices))
 
 
-def _in(unit: Unit, stamp: float | None) -> float | None:
-    return None if stamp is None else stamp / unit.per_second
+def _in(kind: Unit, stamp: float | None) -> float | None:
+    return None if stamp is None else stamp / kind.per_second
 
 
-def _told(unit: Unit, stamps: Sequence[Sequence[float | None]], what: str) -> str:
+def _told(kind: Unit, stamps: Sequence[Sequence[float | None]], what: str) -> str:
     step = _step(stamps)
     why = f"their steps would be {_plain(step)} s" if step > 0 else "they have too many digits for seconds"
-    return f"{what} are taken as {unit.name} and converted: {why}"
+    return f"{what} are taken as {kind.name} and converted: {why}"
 
 
 def _plain(number: float) -> str:
@@ -150,9 +150,9 @@ def unit_of(stamps: Sequence[Sequence[float | None]], metres_a_step: float | Non
     if not possible:
         return SECONDS if step < SHORTEST_STEP_S else None
 
-    def rank(unit: Unit) -> tuple[bool, bool, bool]:
-        dated = DATES_S[0] <= largest / unit.per_second <= DATES_S[1]
-        return not _is_usual(step, unit), not dated, not _is_driven(step, unit, metres_a_step)
+    def rank(kind: Unit) -> tuple[bool, bool, bool]:
+        dated = DATES_S[0] <= largest / kind.per_second <= DATES_S[1]
+        return not _is_usual(step, kind), not dated, not _is_driven(step, kind, metres_a_step)
 
     return min(possible, key=rank)
 
@@ -165,13 +165,13 @@ def _step(stamps: Sequence[Sequence[float | None]]) -> float:
     return float(np.median(every)) if len(every) else 0.0
 
 
-def _is_usual(step: float, unit: Unit) -> bool:
-    return USUAL_STEPS_S[0] <= step / unit.per_second <= USUAL_STEPS_S[1]
+def _is_usual(step: float, kind: Unit) -> bool:
+    return USUAL_STEPS_S[0] <= step / kind.per_second <= USUAL_STEPS_S[1]
 
 
-def _is_driven(step: float, unit: Unit, metres_a_step: float | None) -> bool:
+def _is_driven(step: float, kind: Unit, metres_a_step: float | None) -> bool:
     """Whether the vehicle's speed is one, as far as that is known."""
-    return metres_a_step is not None and SPEEDS[0] <= metres_a_step * unit.per_second / step <= SPEEDS[1]
+    return metres_a_step is not None and SPEEDS[0] <= metres_a_step * kind.per_second / step <= SPEEDS[1]
 
 
 def _metres_a_step(drive: Drive) -> float | None:
