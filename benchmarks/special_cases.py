@@ -1,6 +1,6 @@
 """What the special cases of inpainting are worth: each switched off by itself, on streets by seed.
 
-    python benchmarks/special_cases.py --seeds 0-9 [--cases houses,poles] [--quality standard] [--cache DIR] [--keep DIR]
+    python benchmarks/special_cases.py --seeds 0-9 [--cases houses,facades] [--quality standard] [--cache DIR] [--keep DIR]
 
 A street is run once with everything on, up to its frames. For each case a copy of that workspace is run again from the first stage
 that the case belongs to, in a process in which the case's functions do nothing; what comes out the same is not made again. In
@@ -81,50 +81,13 @@ CASES = {
             f"{INPAINT}.light.scene_light:flush_with_facades": lambda chart, surfels, *_, **__: np.ones(len(surfels), dtype=bool),
         },
     ),
-    "kerb_shade": Case(
-        "shadow takes less or more from faces of kerbs than from the road",
-        {f"{INPAINT}.fill.chart_fill:shade_of_kerbs": lambda color, sharp, shade, **_: shade},
-    ),
-    "hull": Case(
-        "what nobody saw of a removed object may have cast a shadow",
-        {f"{INPAINT}.light.scene_light:in_shadow_of_hull": lambda points, *_, **__: np.zeros(len(points), dtype=bool)},
-    ),
-    "half_trees": Case("a tree that was half seen is completed", {f"{INPAINT}.upright:complete_trees": nothing}),
     "barriers": Case("hedges, garden walls and fences go on behind cars", {f"{INPAINT}.upright:read_barriers": nothing}),
-    "poles": Case("poles, signs and trunks go on down to the ground", {f"{INPAINT}.upright:feet_of_poles": nothing}),
-    "transverse_markings": Case(
-        "lines across the street are continued, and rows of them completed",
-        {
-            f"{INPAINT}.fill.chart_fill:continue_transverse_markings": lambda detail, known, wanted, **_: (
-                np.zeros_like(detail),
-                np.zeros(wanted.shape, dtype=np.float32),
-            )
-        },
-    ),
-    "stop_lines": Case(
-        "a thick line across a lane goes on to the lane's border",
-        {
-            f"{INPAINT}.fill.chart_fill:continue_stop_lines": lambda detail, known, wanted, *_, **__: (
-                np.zeros_like(detail),
-                np.zeros(wanted.shape, dtype=np.float32),
-            )
-        },
-    ),
-    "crossings": Case(
-        "hidden bars of zebra crossings are continued",
-        {
-            f"{INPAINT}.fill.chart_fill:continue_crossings": lambda detail, known, wanted, *_, **__: (
-                np.zeros_like(detail),
-                np.zeros(wanted.shape, dtype=np.float32),
-            )
-        },
-    ),
     "quilting": Case(
         "invented ground gets the texture of seen ground",
         {
-            f"{INPAINT}.fill.chart_fill:quilt": lambda detail, *_, **__: np.zeros_like(detail),
+            f"{INPAINT}.fill.texture:quilt": lambda detail, *_, **__: np.zeros_like(detail),
             # Which lays the texture of the neighbours where no patch came from, and would do so everywhere.
-            f"{INPAINT}.fill.chart_fill:_beside_what_is_known": lambda quilted, *_, **__: quilted,
+            f"{INPAINT}.fill.texture:_beside_what_is_known": lambda quilted, *_, **__: quilted,
         },
     ),
     "facades": Case(

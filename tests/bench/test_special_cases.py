@@ -43,17 +43,11 @@ def test_what_stands_in_takes_and_gives_what_the_caller_expects() -> None:
     assert len(off["solid_columns"](None, surfels, (2,), [], None)) == 0
     assert off["flush_with_facades"](None, surfels, (2,)).all()
     assert surfels.select(torch.from_numpy(off["flush_with_facades"](None, surfels, ()))).means.shape == (3, 3)
-    assert off["in_shadow_of_hull"](points, None, None, [], []).tolist() == [False] * 3
     detail, mask = np.ones((4, 5, 3), np.float32), np.ones((4, 5), bool)
-    assert off["shade_of_kerbs"](detail, mask, "shade", texels_per_m=20.0) == "shade"
-    for name, more in (("continue_transverse_markings", ()), ("continue_stop_lines", (mask, mask))):
-        lines, share = off[name](detail, mask, mask, *more, texels_per_m=20.0)
-        assert not lines.any() and lines.shape == (4, 5, 3) and share.shape == (4, 5)
     quilted = off["quilt"](detail, mask, mask, patch=6, search=9)
     assert not off["_beside_what_is_known"](quilted, detail, mask).any()
     found = off["invented_facades"](SimpleNamespace(known=mask), label=2, sh_degree=0)
     assert found.walls is None and found.filled.shape == mask.shape and not found.filled.any()
-    assert off["feet_of_poles"](surfels, poles=()) is None and off["complete_trees"](surfels) is None
 
 
 def test_changes_are_without_minus_with_and_of_the_stages_that_ran_again() -> None:
@@ -72,13 +66,13 @@ def test_means_count_the_streets_that_changed(tmp_path: Path) -> None:
     for seed, psnr in ((2, 21.0), (3, 22.0)):
         row = figures(psnr, 10.0)
         record(arguments, seed, ALL_ON, base)
-        record(arguments, seed, "poles", {**row, "change": change(row, base, ["inpaint"])})
+        record(arguments, seed, "facades", {**row, "change": change(row, base, ["inpaint"])})
     document = json.loads(arguments.output.read_text())
-    found = document["means"]["draft"]["poles"]
+    found = document["means"]["draft"]["facades"]
     assert (found["streets"], found["changed"], found["psnr"], found["seconds"]) == (2, 1, -0.5, 0.0)
-    assert "hull" not in document["means"]["draft"] and means({}) == {}
+    assert "houses" not in document["means"]["draft"] and means({}) == {}
     record(arguments, 2, ALL_ON, base)  # the same again: what was compared with it stays
-    assert set(json.loads(arguments.output.read_text())["runs"]["draft"]["2"]) == {ALL_ON, "poles"}
+    assert set(json.loads(arguments.output.read_text())["runs"]["draft"]["2"]) == {ALL_ON, "facades"}
     record(arguments, 2, ALL_ON, figures(23.0, 10.0))
     assert set(json.loads(arguments.output.read_text())["runs"]["draft"]["2"]) == {ALL_ON}
 
@@ -111,4 +105,4 @@ def test_what_the_page_says_is_in_the_file() -> None:
     )
     shown = re.findall(r"(\d+) (\d+\.\d)(?: dB)?", re.sub(r"\([^)]*\)", "", " ".join(lines.split())))
     assert shown == [(seed, f"{of[ALL_ON]['psnr']:.1f}") for seed, of in runs.items()]
-    assert set(rows) == set(CASES)
+    assert set(rows) >= set(CASES)

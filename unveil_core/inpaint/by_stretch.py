@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.evenly import evenly
-from unveil_core.base.frame_cache import FrameCache, Frames, subset
+from unveil_core.base.frame_cache import FrameCache, subset
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Float64, Mask
@@ -253,7 +253,6 @@ class StreetFill:
         light = None
         if sun is not None:
             kept, gone = self._near(stretch)
-            asked = self._asked(stretch)
             light = light_of_scene(
                 chart,
                 kept,
@@ -262,7 +261,6 @@ class StreetFill:
                 cameras=self._looking(stretch),
                 kinds=self._kinds,
                 sun=sun,
-                hidden=Frames(len(asked), lambda k: self._hidden(asked[k])),
             )
         reach = SHADOW_REACH_M if shadows else 0.0
         return fill_chart(chart, footprint, light=light, shadow_reach_m=reach, progress=self._progress(stretch))

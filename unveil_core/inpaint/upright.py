@@ -1,5 +1,4 @@
-"""What stands beside the street and was seen in part, completed stretch by stretch: facades, hedges, garden walls and fences, poles
-and trees."""
+"""What stands beside the street and was seen in part, completed stretch by stretch: facades, hedges, garden walls and fences."""
 
 from __future__ import annotations
 
@@ -19,17 +18,15 @@ from unveil_core.inpaint.by_stretch import StreetFill
 from unveil_core.inpaint.facade.barriers import complete_barriers, read_barriers
 from unveil_core.inpaint.facade.copies import FacadeCopies
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade, replaced_by
-from unveil_core.inpaint.facade.half_trees import complete_trees
 from unveil_core.inpaint.facade.offsets import share_facing
-from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.inpaint.stretches import Stretch
 from unveil_core.raster.picture import render_numpy
-from unveil_core.semantics.classes import BARRIER_CLASSES, UPRIGHT_CLASSES
+from unveil_core.semantics.classes import BARRIER_CLASSES
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["Completed", "complete_upright", "sky_behind"]
 
-COMPLETED = ("walls", "feet", "trees", "curtains")
+COMPLETED = ("walls", "curtains")
 COPIES = ("copies of the right side", "copies of the left side")
 COVERED = 0.5
 """Alpha from which on a pixel shows what was rendered: half of the light comes from it."""
@@ -40,8 +37,7 @@ class Completed:
     """What completes things that were seen in part.
 
     Attributes:
-        walls: surfels of houses and barriers where something of them is missing; feet: of poles; trees: of trees; None where
-            nothing is.
+        walls: surfels of houses and barriers where something of them is missing; None where nothing is.
         curtains: surfels in facades' planes over which the sky goes on, None where none does.
         sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
             where something is.
@@ -51,8 +47,6 @@ class Completed:
     """
 
     walls: Surfels | None
-    feet: Surfels | None
-    trees: Surfels | None
     curtains: Surfels | None
     sides: int
     mended: int
@@ -60,13 +54,9 @@ class Completed:
     displaced: Mask
     copies: Sequence[FacadeCopies] = ()
 
-    def surfels(self) -> list[Surfels]:
-        """Those that become part of the scene."""
-        return [part for part in (self.walls, self.feet, self.trees) if part is not None]
-
 
 def complete_upright(fill: StreetFill, remaining: Surfels) -> Completed:
-    """Facades, barriers, poles, trees and the sky over facades, of all stretches.
+    """Facades, barriers and the sky over facades, of all stretches.
 
     Args:
         fill: the street; remaining: the scene without what is removed.
@@ -91,10 +81,10 @@ def complete_upright(fill: StreetFill, remaining: Surfels) -> Completed:
         for name, parts in found.items():
             parts += [Surfels.from_arrays(named[name])] if named[name] else []
         copies += [FacadeCopies(**named[name]) for name in COPIES if named[name]]
-    walls, feet, trees, curtains = (concatenate(parts) if parts else None for parts in found.values())
+    walls, curtains = (concatenate(parts) if parts else None for parts in found.values())
     house = fill.scene.labels.index("building")
     facing = None if house is None else share_facing(remaining.select(remaining.labels == house), fill.ground)
-    return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()), facing, displaced, copies)
+    return Completed(walls, curtains, int(sides.sum()), int(mended.sum()), facing, displaced, copies)
 
 
 class _Beside:
@@ -116,8 +106,6 @@ class _Beside:
         its ``sides``, and which of these are ``mended``; and indices ``displaced``."""
         told = self._houses()
         self._barriers()
-        self._add("feet", self._feet())
-        self._add("trees", self._trees())
         arrays = {
             f"{name}.{key}": array
             for name, parts in self.found.items()
@@ -192,36 +180,6 @@ class _Beside:
             return FacadeView(fill.cameras[i], views.images[i], on_wall, shows_sky, views.depths[i], views.removed[i])
 
         return Frames(len(frames), view)
-
-    def _feet(self) -> Surfels | None:
-        """The hidden feet of poles."""
-        fill, names = self.fill, self.fill.scene.labels.indices
-        return feet_of_poles(
-            self._of(names(UPRIGHT_CLASSES))[0],
-            fill.ground,
-            fill.cameras_of(self.stretch),
-            fill.of_frames(self.stretch, fill.views.depths),
-            fill.of_frames(self.stretch, fill.views.removed),
-            plates=names(("traffic sign", "traffic light")),
-            poles=names(("pole",)),
-        )
-
-    def _trees(self) -> Surfels | None:
-        """The hidden parts of trees."""
-        fill = self.fill
-        plant = fill.scene.labels.index("vegetation")
-        if plant is None:
-            return None
-        sky, labels = fill.scene.labels.indices(("sky",)), fill.of_frames(self.stretch, fill.views.labels)
-        return complete_trees(
-            self._of((plant,))[0],
-            fill.ground,
-            fill.cameras_of(self.stretch),
-            fill.of_frames(self.stretch, fill.views.depths),
-            fill.of_frames(self.stretch, fill.views.removed),
-            on_plant=Frames(len(labels), lambda k: labels[k] == plant),
-            sky=Frames(len(labels), lambda k: np.isin(labels[k], sky)),
-        )
 
 
 def _named(arrays: Mapping[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:

@@ -22,7 +22,6 @@ __all__ = [
     "SLIM_CLASSES",
     "SOLID_CLASSES",
     "THIN_CLASSES",
-    "UPRIGHT_CLASSES",
     "VOID",
     "LabelSet",
     "expand_names",
@@ -50,8 +49,6 @@ BARRIER_CLASSES = ("vegetation", "wall", "fence")
 """What gardens are bounded by: hedges, walls and fences."""
 SOLID_CLASSES = ("building", "wall")
 """Surfaces that reach down to the ground and are opaque, though cars may hide their foot."""
-UPRIGHT_CLASSES = ("pole", "traffic sign", "traffic light", "vegetation")
-"""Upright objects whose foot a removed object may hide; they are continued down to the ground."""
 THIN_CLASSES = ("pole", "traffic light", "traffic sign")
 """Objects so thin that labels and depth do not register there: no evidence for or against motion."""
 SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")

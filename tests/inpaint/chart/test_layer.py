@@ -46,15 +46,3 @@ def test_all_ground_in_shadow_is_asked_for(width: int) -> None:
     assert (
         asked[looked].sum() < 1.5 * truth.shadow.sum() and not asked[: camera.height // 2 - 3 * border_px(width)].any()
     )
-
-
-@pytest.mark.parametrize("width", [384, 1920])
-def test_feet_have_no_gaps(width: int) -> None:
-    """A pole's foot of surfels four centimetres apart, six metres away."""
-    chart, camera = shadowed(), camera_of(width)
-    across, up = np.meshgrid(np.arange(-0.12, 0.13, 0.04), np.arange(0.05, 0.4, 0.04))
-    feet = np.stack([np.full(across.size, 5.5), across.ravel() + 0.5, up.ravel()], axis=1)
-    layer = GroundLayer(chart, feet=feet)
-    shown = layer.foot_pixels(camera, np.full((camera.height, camera.width), 6.0))
-    rows, columns = np.nonzero(shown)
-    assert len(rows) == (np.ptp(rows) + 1) * (np.ptp(columns) + 1) > 50 * (width / 384) ** 2

@@ -1,4 +1,4 @@
-"""Facades, trunks and poles that go on behind a parked car, on a street whose geometry is known exactly."""
+"""Facades that go on behind a parked car, on a street whose geometry is known exactly."""
 
 from __future__ import annotations
 
@@ -14,11 +14,8 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
 from unveil_core.ground.street_fit import fit_street_heights
-from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade, replaced_by
 from unveil_core.inpaint.facade.offsets import facade_offsets, fanned_out
-from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -171,147 +168,6 @@ def test_what_was_left_behind_a_car_makes_room_for_the_completed_facade() -> Non
         places, np.zeros((count, 3), np.uint8), np.zeros(count, np.int64), np.zeros((count, 3)), np.full(count, 0.1)
     )
     assert replaced_by(chart, filled, left).tolist() == [True, True, False, False, False, False]
-
-
-def pole(low: float, high: float, at: tuple[float, float] = (11.0, 4.0), half: float = 0.1) -> Surfels:
-    x, y = at
-    return box_surfels(np.array([[x - half, y - half, low], [x + half, y + half, high]]), spacing=0.07)
-
-
-def scene_views(pole_seen: bool) -> tuple[list[Camera], list[np.ndarray], list[np.ndarray]]:
-    """Views whose depth shows the far distance but for a car that hides the pole's foot, or nothing that hides it."""
-    _, cameras = street(np.inf)
-    car = np.array([[9.0, 2.2, 0.0], [13.0, 3.4, 1.3]])
-    views = [view(c, car) for c in cameras]
-    depths, hidden = [v[3] for v in views], [v[4] for v in views]
-    if pole_seen:
-        depths, hidden = [np.full_like(d, FAR) for d in depths], [np.zeros_like(h) for h in hidden]
-    return cameras, depths, hidden
-
-
-def test_a_pole_goes_down_to_the_ground_behind_a_car() -> None:
-    ground, _ = street(np.inf)
-    cameras, depths, hidden = scene_views(False)
-    feet = feet_of_poles(pole(1.2, 3.5), ground, cameras, depths, hidden)
-    assert feet is not None
-    means = feet.means.double().numpy()
-    assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.2
-    assert means[:, 2].min() < 0.8 and means[:, 2].max() < 1.3
-
-
-def test_a_pole_that_is_darker_below_gets_no_dashes() -> None:
-    """Its lowest piece is dark below, where what hid it has mixed in, and one side of it lies in the sun."""
-    ground, _ = street(np.inf)
-    cameras, depths, hidden = scene_views(False)
-    seen = pole(1.2, 3.5)
-    level = torch.where(seen.means[:, 2] < 1.5, -0.6, 0.2) + torch.where(seen.means[:, 0] > 11.0, 0.3, 0.0)
-    feet = feet_of_poles(
-        replace(seen, sh=level[:, None, None].expand_as(seen.sh).contiguous()),
-        ground,
-        cameras,
-        depths,
-        hidden,
-        poles=(0,),
-    )
-    assert feet is not None
-    height, bright, sunny = feet.means[:, 2], feet.sh[:, 0, 0], feet.means[:, 0] > 11.0
-    for side in (sunny, ~sunny):
-        medians = [bright[side & (height > h) & (height < h + 0.2)].median() for h in np.arange(0.0, 0.7, 0.2)]
-        assert max(medians) - min(medians) < 0.2, "as bright at each height"
-    assert bright[sunny].median() - bright[~sunny].median() > 0.2, "and still lit from one side"
-
-
-def test_what_is_seen_through_what_hangs_and_what_is_broad_do_not() -> None:
-    ground, _ = street(np.inf)
-    seen = scene_views(True)
-    assert feet_of_poles(pole(1.2, 3.5), ground, *seen) is None
-    cameras, depths, hidden = scene_views(False)
-    for other in (pole(2.3, 3.5), pole(1.0, 3.5, half=0.8), pole(0.0, 3.5), pole(1.2, 3.5).select(np.arange(5))):
-        assert feet_of_poles(other, ground, cameras, depths, hidden) is None
-
-
-def test_a_low_crown_has_one_trunk() -> None:
-    """Its tufts hang side by side over the car, apart from each other, and none of them stands on a trunk of its own."""
-    ground, _ = street(np.inf)
-    cameras, depths, hidden = scene_views(False)
-    tufts = [pole(1.6, 2.5, at=(11.0 + 0.5 * k, 4.0)) for k in (-2, -1, 1, 2)]
-    tree = concatenate([*tufts, pole(1.2, 3.5)])
-    feet = feet_of_poles(tree, ground, cameras, depths, hidden)
-    assert feet is not None
-    assert np.abs(feet.means.double().numpy()[:, 0] - 11.0).max() < 0.2
-    signs = feet_of_poles(tree, ground, cameras, depths, hidden, poles=(0,))
-    assert signs is not None and np.ptp(signs.means.double().numpy()[:, 0]) > 1.8
-
-
-def test_a_sign_gets_the_foot_of_another_pole() -> None:
-    ground, _ = street(np.inf)
-    cameras, depths, hidden = scene_views(False)
-    plate = replace(pole(1.2, 1.8, half=0.25), labels=torch.full((len(pole(1.2, 1.8, half=0.25)),), 7))
-    assert feet_of_poles(plate, ground, cameras, depths, hidden, plates=(7,)) is None
-    both = concatenate([plate, pole(0.0, 2.4, at=(20.0, 5.0), half=0.05)])
-    assert feet_of_poles(both, ground, cameras, depths, hidden, plates=(7,)) is None  # it may be a trunk
-    feet = feet_of_poles(both, ground, cameras, depths, hidden, plates=(7,), poles=(0,))
-    assert feet is not None and (feet.labels == 0).all()
-    means = feet.means.double().numpy()
-    assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.1
-    assert means[:, 2].min() < 0.1 and 1.0 < means[:, 2].max() < 1.4
-
-
-def test_a_sign_stands_on_a_plain_pole_where_no_pole_is_seen_to_its_foot() -> None:
-    """Of a lamp post only what stands over a van is seen."""
-    ground, _ = street(np.inf)
-    cameras, depths, hidden = scene_views(False)
-    plate = replace(pole(1.2, 1.8, half=0.25), labels=torch.full((len(pole(1.2, 1.8, half=0.25)),), 7))
-    lamp = pole(2.2, 2.6, at=(20.0, 5.0), half=0.05)
-    lamp = replace(lamp, sh=torch.full_like(lamp.sh, -0.8), labels=torch.full((len(lamp),), 2))
-    feet = feet_of_poles(concatenate([plate, lamp]), ground, cameras, depths, hidden, plates=(7,), poles=(2,))
-    assert feet is not None and (feet.labels == 2).all() and (feet.sh == -0.8).all()
-    means = feet.means.double().numpy()
-    assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.05
-    assert means[:, 2].min() < 0.1 and 1.0 < means[:, 2].max() < 1.4
-    assert np.diff(np.unique(means[:, 2].round(3))).max() < 0.06, "without a gap"
-
-
-def test_a_sign_stands_on_its_own_pole_where_that_is_seen() -> None:
-    """A dark pole stands elsewhere; of its own, light one a piece of a hand's breadth is seen below the plate."""
-    ground, _ = street(np.inf)
-    cameras, depths, hidden = scene_views(False)
-    plate = replace(pole(1.35, 1.8, half=0.25), labels=torch.full((len(pole(1.35, 1.8, half=0.25)),), 7))
-    own, other = pole(1.2, 1.35, half=0.03), pole(0.0, 2.4, at=(20.0, 5.0), half=0.05)
-    own, other = (replace(s, sh=torch.full_like(s.sh, level)) for s, level in ((own, 0.8), (other, -0.8)))
-    feet = feet_of_poles(concatenate([plate, own, other]), ground, cameras, depths, hidden, plates=(7,), poles=(0,))
-    assert feet is not None and (feet.sh == 0.8).all()
-    means = feet.means.double().numpy()
-    assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.1
-    assert means[:, 2].min() < 0.1 and means[:, 2].max() < 1.3
-    assert np.diff(np.sort(means[:, 2])).max() < 0.15, "without a gap"
-
-
-def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:
-    ground, cameras = street(np.inf)
-    means = pole(0.0, 0.4).means.double().numpy()
-    camera = cameras[0]
-    pixel, z = camera.project(means)
-    pixels = pixel.astype(int)
-    none = np.zeros((4, 4, 3), np.float32)
-    chart = StreetChart(
-        ground,
-        0.1,
-        0.0,
-        0.0,
-        none,
-        np.zeros((4, 4), np.int16),
-        np.zeros((4, 4), np.uint8),
-        none,
-        np.zeros((4, 4), np.float32),
-        np.zeros((4, 4), bool),
-    )
-    layer = GroundLayer(chart, feet=means)
-    shown = layer.foot_pixels(camera, np.full((camera.height, camera.width), float(z.mean())))
-    assert shown[pixels[:, 1], pixels[:, 0]].all()
-    assert shown.sum() < 3 * len(np.unique(pixels, axis=0)) + 9
-    assert not layer.foot_pixels(camera, np.full((camera.height, camera.width), 3.0)).any()
-    assert not GroundLayer(chart).foot_pixels(camera, np.full(shown.shape, float(z.mean()))).any()
 
 
 def test_behind_a_lorry_the_facade_goes_on_to_its_eaves() -> None:

@@ -11,7 +11,6 @@ import pytest
 
 from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, ROW, SHADE, blocked, box_surfels, sunny_chart
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import grow
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
 from unveil_core.inpaint.light import sun_by_shadows
@@ -226,32 +225,6 @@ def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
     stays = cv2.erode((of_others & ~of_car & seen).astype(np.uint8), np.ones((11, 11), np.uint8)) > 0
     assert stays.sum() > 200
     assert np.array_equal(result.color[stays], chart.color[stays])
-
-
-def test_dark_ground_that_nothing_explains_goes_with_what_may_have_shaded_it() -> None:
-    """Only the front of the car was found, and its shadow with it: the rest of its shadow lies in that of what pictures hide."""
-    towards = sun_towards(*SUNS[0])
-    chart, truth, footprint, light = lit_street(SUNS[0])
-    world = chart.world(*(i.ravel() for i in np.indices(chart.source.shape)))
-    of_car, of_others = (
-        np.any([blocked(world, b, towards) for b in boxes], axis=0).reshape(chart.source.shape)
-        for boxes in ((CAR,), (CROWN, HOUSE))
-    )
-    part = replace(light, gone=np.zeros_like(light.gone))
-    seen = (chart.source == OBSERVED) & ~grow(footprint, round(0.5 / chart.texel))
-    inner = (
-        cv2.erode((of_car & ~grow(of_others, round(0.7 / chart.texel)) & seen).astype(np.uint8), np.ones((5, 5))) > 0
-    )
-    assert inner.sum() > 100
-    left, taken = (
-        fill_chart(chart, footprint, light=replace(part, beyond=beyond)) for beyond in (None, np.ones_like(of_car))
-    )
-    assert (left.source[inner] == OBSERVED).mean() > 0.9
-    assert (taken.source[inner] == RELIT).mean() > 0.9
-    assert np.abs(taken.color - truth)[inner].mean() < 0.05
-    stays = cv2.erode((of_others & ~of_car & seen & light.kept).astype(np.uint8), np.ones((11, 11), np.uint8)) > 0
-    assert stays.sum() > 200
-    assert np.array_equal(taken.color[stays], chart.color[stays])
 
 
 def test_shadows_are_moved_to_where_they_are_seen_to_lie() -> None:

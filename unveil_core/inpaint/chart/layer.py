@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,13 +21,8 @@ from unveil_core.inpaint.light.view_light import lit
 
 __all__ = ["GroundLayer", "GroundPixels"]
 
-FOOT_DEPTH = 0.05
-"""Relative difference of depth within which a pixel shows the foot of a pole, not something before or behind it. Chosen on the
-two sample streets, where rendered depths of thin things are a few per cent off."""
 LEAST_SINE = 0.01
 """Sine of the angle between ray and ground that a footprint is computed with at least: flatter, it would be without end."""
-FOOT_GAP = 2 / 384
-"""Between the surfels of a foot, as a share of the picture's width: 2 pixels at 384."""
 SMALL_TEXEL_PX = 4
 """Texels no larger than this in a picture are drawn as points: with what lies between points closed, all that they cover."""
 
@@ -65,12 +60,10 @@ class GroundLayer:
 
     Attributes:
         chart: filled.
-        feet: (N, 3) world positions just above the ground of poles and trunks whose feet were hidden.
         ground_labels: compact labels of the ground; none where the scene has no classes.
     """
 
     chart: StreetChart
-    feet: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     ground_labels: tuple[int, ...] = ()
 
     @cached_property
@@ -86,18 +79,6 @@ class GroundLayer:
         """Rows and columns of relit texels, and their world positions."""
         rows, columns = np.nonzero((self.chart.gain.max(axis=2) > RELIT_GAIN) | self.chart.replaced)
         return rows, columns, self.chart.world(rows, columns)
-
-    def foot_pixels(self, camera: Camera, depth: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """(H, W) pixels that show one of the ``feet``, where the depth (H, W) says that nothing is before it."""
-        mask = np.zeros(depth.shape, dtype=np.uint8)
-        if len(self.feet):
-            _, pixel, z = camera.shown(self.feet)
-            x, y = pixel.astype(np.int64).T
-            seen = np.abs(depth[y, x] - z) < FOOT_DEPTH * z
-            mask[y[seen], x[seen]] = 1
-            side = 2 * max(2, round(FOOT_GAP * camera.width)) + 1
-            mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
-        return mask.astype(bool)
 
     def shadow_pixels(self, camera: Camera) -> NDArray[np.bool_]:
         """(H, W) pixels that may show relit ground, found by projecting its texels."""

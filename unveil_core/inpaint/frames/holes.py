@@ -152,7 +152,6 @@ def background_layers(
     over_ground = in_front & chart.hit
     places = task.camera.centre + rendered["depth"][over_ground, None] * task.camera.rays()[over_ground]
     in_front[over_ground] = ground.over(ground.path.to_street(places)) > least[over_ground]
-    in_front |= layer.foot_pixels(task.camera, rendered["depth"])
     from_chart = chart.covered & ~in_front & task.removed
     below_horizon = task.camera.rays() @ ground.path.axes[2] < 0
     return BackgroundLayers(rendered, solid, chart, in_front, from_chart, below_horizon)

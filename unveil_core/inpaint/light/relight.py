@@ -189,9 +189,6 @@ def shadows_of_removed(
         gone, kept = (cv2.GaussianBlur(m.astype(np.float32), (0, 0), blur) for m in (light.gone, light.kept))
         explained = grow(light.kept, UNEXPLAINED_M * per_m)
         theirs = ((gone > 0.05) & (gone > kept)) | (touch & (kept < 0.3))
-        if light.beyond is not None:
-            # A lorry that is never passed is longer than what was seen of it; what the scene explains stays.
-            theirs |= light.beyond & ~explained
         shadow = object_shadows(shade.dark, theirs, theirs, explained, level, beside, per_m=per_m)
         # In the shade of a house, too, it is darker right beside an object.
         in_shade = (smooth / np.maximum(luminance(shade.lit * shade.ratio), 0.02)).astype(np.float32)

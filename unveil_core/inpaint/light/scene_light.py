@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
+from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.light.casters import NO_KINDS, Casters, Kinds, cast_on_chart, in_shadow_of
 from unveil_core.inpaint.light.houses import flush_with_facades, solid_columns
-from unveil_core.inpaint.light.hull import in_shadow_of_hull
 from unveil_core.inpaint.light.shade import CONTACT_M, Light
 from unveil_core.inpaint.light.shadow_map import Discs
 from unveil_core.inpaint.light.sun import Sun
@@ -22,9 +19,6 @@ from unveil_core.inpaint.light.sun_by_shadows import Evidence, sun_by_shadows
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["light_of_scene", "sun_of_scene"]
-
-HULL_CELL_M = 0.2
-"""Cells in which is asked whether the ground lies in the shadow of a hull, metres: masks are no sharper a dozen metres away."""
 
 
 def light_of_scene(
@@ -36,7 +30,6 @@ def light_of_scene(
     cameras: Sequence[Camera] = (),
     kinds: Kinds = NO_KINDS,
     sun: Sun | None = None,
-    hidden: Sequence[Mask] = (),
 ) -> Light | None:
     """Find the sun by its shadows, and cast those of what stays and of what is removed.
 
@@ -47,7 +40,6 @@ def light_of_scene(
         cameras: of the drive.
         kinds: labels by the shadows that they cast.
         sun: instead of looking for it.
-        hidden: (H, W) of each of the ``cameras``, the pixels that show what is removed; none = not known.
     Returns:
         None where no sun explains the dark places.
     """
@@ -61,20 +53,7 @@ def light_of_scene(
     ground = evidence.light_seen(observed, evidence.dark(observed))
     solid_ones = _with_solid_houses(evidence, casters.kept, casters.gone, kinds.solid, sun, ground)
     of_kept, of_gone = (cast_on_chart(chart, surfels, sun.towards) for surfels in (solid_ones, casters.gone))
-    return Light(sun, of_kept, of_gone, _beyond(chart, of_kept, sun, cameras, hidden) if len(hidden) else None)
-
-
-def _beyond(
-    chart: StreetChart, of_kept: Mask, sun: Sun, cameras: Sequence[Camera], hidden: Sequence[Mask]
-) -> NDArray[np.bool_]:
-    """(A, B) of the seen texels off the shadows of what stays, those in the shadow of the visual hull of what is ``hidden``."""
-    step = max(1, round(HULL_CELL_M / chart.texel))
-    rows, columns = (i[::step, ::step] for i in np.indices(of_kept.shape))  # type: ignore[index]
-    asked = (chart.source == OBSERVED)[::step, ::step] & ~of_kept[::step, ::step]
-    cells = np.zeros(asked.shape, dtype=np.float32)
-    places = chart.world(rows[asked], columns[asked])
-    cells[asked] = in_shadow_of_hull(places, sun.towards, chart.ground.path.axes[2], cameras, hidden)
-    return np.asarray(cv2.resize(cells, of_kept.shape[::-1], interpolation=cv2.INTER_LINEAR) > 0.5)
+    return Light(sun, of_kept, of_gone)
 
 
 def sun_of_scene(

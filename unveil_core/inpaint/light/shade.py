@@ -86,13 +86,11 @@ class Light:
     Attributes:
         sun: where the sun stands.
         kept, gone: (A, B) bool, texels in the shadow of what stays, and of what is removed.
-        beyond: (A, B) bool, texels that removed objects may shade with what nobody saw of them; None where that is not known.
     """
 
     sun: Sun
     kept: Mask
     gone: Mask
-    beyond: Mask | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,8 +114,8 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         displaced[stays[completed.displaced]] = True
         remaining = remaining.select(torch.from_numpy(~completed.displaced))
         tested += _facades_assumed(completed, named=scene.labels.index("building") is not None)
-    parts = [] if completed is None else completed.surfels()
-    # What follows from the seen part of a house or a pole is known before anything is invented.
+    parts = [] if completed is None or completed.walls is None else [completed.walls]
+    # What follows from the seen part of a house is known before anything is invented.
     counts = [len(part) for part in (remaining, *parts)]
     known = RemainingScene(concatenate([remaining, *parts]), given.sky, None, len(scene.labels))
     del remaining
@@ -317,10 +317,8 @@ class _Cleaning:
 
     def _layer(self, stretch: Stretch) -> GroundLayer:
         assert self.fill is not None and self.completed is not None
-        feet = self.completed.feet
         return GroundLayer(
             self.fill.seen_from(stretch),
-            feet=np.zeros((0, 3)) if feet is None else feet.means.double().numpy(),
             ground_labels=self.given.scene.labels.indices(GROUND_CLASSES),
         )
 
