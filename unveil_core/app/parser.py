@@ -38,7 +38,7 @@ BLOCK_STAGES = ("reconstruct", "reoptimize")
 EXPORTS = (
     "splat-ply", "spz", "splat-gltf", "usd-splats", "usd-points", "ply", "obj", "glb", "usd", "textured-glb", "textured-obj",
     "textured-usd", "nerfstudio", "colmap", "chan",
-    "las", "laz", "objects-json", "png", "exr", "mattes", "mp4", "prores",
+    "las", "laz", "objects-json", "png", "exr", "mattes", "mp4", "pandaset", "kitti", "nuscenes", "prores",
 )  # fmt: skip
 """The formats of ``exports.registry.FORMATS``; likewise."""
 
