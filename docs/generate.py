@@ -23,6 +23,7 @@ PACKAGE = "unveil_core"
 COMMAND = "python docs/generate.py"
 
 ORDER = {
+    "api": "Python's face",
     "app": "the unveil command",
     "bench": "measurements",
     "farm": "many drives, many machines",

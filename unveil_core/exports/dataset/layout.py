@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from unveil_core.base.checks.fields import checked
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.base.files import write_bytes_atomic
@@ -97,8 +97,7 @@ def _opened(job: Job, name: str) -> tuple[Path, Drive]:
         mend = f"use --to {own}" if own else "use --to nerfstudio, colmap or png"
         raise SettingsError(f"Not a drive of {' or '.join(DATASETS[name])}: it is {kind.name}", path=place, mend=mend)
     recorded = state["stages"].get("import", {}).get("settings") or {}
-    given = {f.name: recorded[f.name] for f in fields(DriveOptions) if f.name in OF_PART and f.name in recorded}
-    options = DriveOptions(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
+    options = checked(DriveOptions, {name: recorded[name] for name in OF_PART if name in recorded})
     return place, open_drive(place, options)
 
 
