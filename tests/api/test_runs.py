@@ -44,6 +44,8 @@ def test_wrong_values_and_names_are_one_line(street: Path, tmp_path: Path) -> No
         unveil.run(street, tmp_path / "w", remove=3)  # type: ignore[arg-type]
     with pytest.raises(SettingsError, match="did you mean quality"):
         unveil.run(street, tmp_path / "w", qualty="draft")  # type: ignore[call-arg]
+    with pytest.raises(SettingsError, match="Not a stage: 'polish'.*deliver"):
+        unveil.run(street, tmp_path / "w", until="polish")
     with pytest.raises(unveil.UnveilError):
         unveil.run(tmp_path / "nowhere", tmp_path / "w")
     assert not (tmp_path / "w").exists()

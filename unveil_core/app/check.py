@@ -51,6 +51,7 @@ def run_check(arguments: argparse.Namespace) -> int:
             "page": str(page),
             "facts": dict(found.facts),
             "assumed": [*found.assumed, *found.told],
+            "exit_code": 2 if found.asks and not arguments.yes else 0,
             "findings": [{"problem": f.problem, "mend": f.mend, "asks": f.asks} for f in found.findings],
         }
         say(json.dumps({"check": told}))

@@ -57,7 +57,7 @@ _Verbs = Any
 """What ``add_subparsers`` returns; argparse gives it no public name."""
 
 
-def command_parser() -> argparse.ArgumentParser:
+def command_parser() -> MainParser:
     """The parser of the ``unveil`` command."""
     parser = MainParser(prog="unveil", description="The empty street from a drive.")
     parser.add_argument("--version", action="version", version=f"unveil {__version__}")

@@ -84,7 +84,7 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 
     root = Workspace.open(arguments.workspace).root
     metrics = run_evaluation(root, arguments.truth, lpips=arguments.lpips, fid=arguments.fid)
-    print(json.dumps(metrics, indent=1))
+    print(json.dumps(metrics, indent=None if arguments.json else 1))
     return 0
 
 

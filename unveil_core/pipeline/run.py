@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from unveil_core.base.errors import ConfirmError, InUseError, UnveilError, WorkspaceError
+from unveil_core.base.errors import ConfirmError, InUseError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.kernels.device import check_device
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
@@ -131,6 +131,8 @@ def look_at(
     """Open a drive and check all that can be checked before a run; nothing is written. Arguments and errors as :func:`run`."""
     check_device(settings.device)
     names = [s.name for s in STAGES]
+    if until is not None and until not in names:
+        raise SettingsError(f"Not a stage: {until!r}", mend=f"use one of {', '.join(names)}")
     stages = STAGES[: names.index(until) + 1] if until else STAGES
     check_place(Path(workspace), [Path(drive)])
     opened = open_drive(drive, settings.drive_options)

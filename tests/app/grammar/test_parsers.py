@@ -86,6 +86,7 @@ def test_verbs_are_listed_by_what_they_are_for(
         (["run", "--json"], "required"),
         (["--json", "run", "d", "-o", "w", "--seed", "x"], "a whole number"),
         (["status", "nowhere", "--json"], "no workspace"),
+        (["run", "d", "-o", "w", "--remve", "car", "--json"], "did you mean --remove?"),
     ],
 )
 def test_errors_are_events_where_json_is_asked(
@@ -104,7 +105,7 @@ def test_completion_knows_verbs_and_options(capsys: pytest.CaptureFixture[str]) 
     for shell in ("bash", "zsh"):
         assert main(["completion", shell]) == 0
         said = capsys.readouterr().out
-        assert "--work-side" in said and "reconstruct" in said and "draft" in said
+        assert "--work-side" in said and "--iterations" in said and "reconstruct" in said and "draft" in said
 
 
 def test_without_shtab_completion_is_one_line(

@@ -74,6 +74,14 @@ def test_every_setting_is_a_property_and_shown(addon, scene) -> None:  # type: i
     for setting in table.SHOWN:
         assert getattr(scene.unveil, setting.name) == setting.start or setting.shape == "number", setting.name
         assert scene.unveil.bl_rna.properties[setting.name].description
+    from check_run import drawn
+
+    run, reading = (getattr(addon.module("ui.panel_run"), f"UNVEIL_PT_{name}") for name in ("run", "reading"))
+    basic, advanced = ({s.name for s in settings} for settings in (table.BASIC, table.ADVANCED))
+    shown = set(drawn(run)) | set(drawn(reading))
+    assert basic <= shown and not advanced & shown
+    scene.unveil.show_more = True
+    assert advanced <= set(drawn(run))
     scene.unveil.sh_degree = 0
     arguments = addon.module("worker.run_arguments").settings_arguments(scene.unveil)
     assert "--sh-degree=0" in arguments and "--scale=auto" in arguments and "--adaptation" in arguments

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import json
 import sys
 import textwrap
@@ -117,6 +118,18 @@ class MainParser(CommandParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         CommandParser.as_json = False
         return super().parse_known_args(args, namespace)
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        given, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            verb: CommandParser = self.verbs().get(given.verb, self)
+            near = difflib.get_close_matches(unknown[0].partition("=")[0], verb._option_string_actions, 1)
+            verb.error(f"unrecognized arguments: {' '.join(unknown)}{f'; did you mean {near[0]}?' if near else ''}")
+        return given
+
+    def verbs(self) -> dict[str, Any]:
+        """The parsers of all verbs by name."""
+        return dict(next(a for a in self._actions if isinstance(a, argparse._SubParsersAction)).choices)
 
     def format_help(self) -> str:
         verbs = next(a for a in self._actions if isinstance(a, argparse._SubParsersAction))
