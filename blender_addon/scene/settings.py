@@ -58,7 +58,7 @@ def _property(setting: RunSetting) -> Any:
         nothing = setting.nothing if setting.default is None else setting.low
         told["description"] += f". {nothing}: {setting.usual}" if setting.default is None else ""
         if setting.shape == "whole":
-            return IntProperty(**told, min=nothing, subtype="PIXEL" if setting.unit == "px" else "NONE")
+            return IntProperty(**told, min=nothing, subtype="PIXEL" if setting.measure == "px" else "NONE")
         return FloatProperty(**told, min=nothing, precision=3)
     told["description"] += usual
     if setting.shape == "network":

@@ -29,7 +29,7 @@ class RunSetting:
         shape: "flag", "choice", "whole", "number", "text", "file", "folder", "network", "list" or "sun".
         items: of a list, "str" or "int".
         default: in workspace.json; usual: in words, where it follows from something.
-        help: a line; group: a heading; unit: "m", "px" or empty; expert: whether it stands under *Advanced*.
+        help: a line; group: a heading; measure: "m", "px" or empty; expert: whether it stands under *Advanced*.
         choices: (name, label, description).
         low, high: of a number.
     """
@@ -43,7 +43,7 @@ class RunSetting:
     usual: str
     help: str
     group: str
-    unit: str
+    measure: str
     expert: bool
     choices: list[list[str]]
     low: float | None

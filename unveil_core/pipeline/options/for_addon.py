@@ -28,7 +28,7 @@ def _row(setting: Setting) -> dict[str, object]:
         "usual": setting.usual,
         "help": setting.help[0].upper() + setting.help[1:],
         "group": setting.group,
-        "unit": setting.unit,
+        "measure": setting.measure,
         "expert": setting.expert,
         "choices": [list(choice) for choice in choices],
         "low": setting.low,

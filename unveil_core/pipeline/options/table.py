@@ -62,7 +62,7 @@ class Setting:
         help: what it is, in a line without a final stop.
         usual: the default in words, where the value itself does not say it.
         metavar: what stands for its value in the help of the command.
-        unit: of the number.
+        measure: unit of the number, as "m" or "px".
         expert: whether only ``--help-all`` and *Advanced* show it.
         label: in the sidebar of Blender.
         choices: by name, label and description in Blender; () where it is no choice.
@@ -78,7 +78,7 @@ class Setting:
     label: str
     usual: str = ""
     metavar: str = ""
-    unit: str = ""
+    measure: str = ""
     expert: bool = False
     choices: tuple[tuple[str, str, str], ...] = ()
     low: float | None = None
@@ -235,7 +235,7 @@ TABLE: tuple[Setting, ...] = (
     ),
     Setting(
         "camera_height", NUMBER, "place", "height of the cameras above the ground, from which the scale follows",
-        label="Camera Height", metavar="METRES", usual="from the file, else 1.6 m is assumed", unit="m",
+        label="Camera Height", metavar="METRES", usual="from the file, else 1.6 m is assumed", measure="m",
         low=HEIGHTS_M[0], high=HEIGHTS_M[1],
     ),
     Setting(
@@ -263,7 +263,7 @@ TABLE: tuple[Setting, ...] = (
     ),
     Setting(
         "work_side", WHOLE, "work", "longer side at which the scene is made; frames are delivered at their own size",
-        label="Longer Side", metavar="PIXELS", usual="512, 768, 1600 by quality", unit="px", low=32,
+        label="Longer Side", metavar="PIXELS", usual="512, 768, 1600 by quality", measure="px", low=32,
     ),
     Setting(
         "device", choice(*DEVICES), "work", "what renders and trains: an NVIDIA GPU where one can be used, the processor, the GPU",
