@@ -23,6 +23,7 @@ PACKAGE = "unveil_core"
 COMMAND = "python docs/generate.py"
 
 ORDER = {
+    "api": "Python's face",
     "app": "the unveil command",
     "bench": "measurements",
     "farm": "many drives, many machines",
@@ -186,11 +187,61 @@ def fuzz_table() -> str:
     return "\n".join(lines)
 
 
+def settings_table() -> str:
+    """The settings of runs and stages, a table for each group."""
+    from unveil_core.pipeline.options.table import GROUPS, TABLE
+
+    parts = []
+    for group, title in GROUPS.items():
+        lines = [
+            f"**{title[0].upper()}{title[1:]}**",
+            "",
+            "| option | Python | meaning | default |",
+            "|---|---|---|---|",
+        ]
+        for s in (s for s in TABLE if s.group == group):
+            value = s.metavar or "|".join(s.kind.names)
+            option = f"{s.option} {value}".strip() if s.kind.shape != "flag" else f"{s.option}`, `--no-{s.option[2:]}"
+            names = f": {', '.join(f'`{n}`' for n in s.kind.names)}" if s.metavar and s.kind.names else ""
+            see = f"; see [{s.see.partition('#')[0]}]({s.see.removeprefix('command.md')})" if s.see else ""
+            default = s.usual or f"`{s.said_default}`"
+            star = " ★" if s.expert else ""
+            cells = (f"`{option}`", f"`{s.name}`", f"{s.help}{names}{see}{star}", default)
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
+
+
+def recorded_settings() -> str:
+    """What workspace.json has of each setting at its default, and the stages that it makes anew."""
+    from unveil_core.pipeline.graph import STAGES
+    from unveil_core.pipeline.options.table import TABLE
+    from unveil_core.pipeline.settings import RunSettings
+
+    usual = RunSettings().to_json()
+    lines = ["| setting | type | default | matters to |", "|---|---|---|---|"]
+    for s in TABLE:
+        stages = " ".join(f"`{stage.name}`" for stage in STAGES if s.name in stage.settings) or "no result"
+        kind = s.type.replace("|", "\\|")
+        lines.append(f"| `{s.name}` | `{kind}` | `{json.dumps(usual[s.name])}` | {stages} |")
+    return "\n".join(lines)
+
+
+def addon_settings() -> str:
+    """The table that the add-on reads."""
+    from unveil_core.pipeline.options.for_addon import table_as_json
+
+    return table_as_json()
+
+
+FILES = {"blender_addon/formats/table/settings.json": addon_settings}
+"""Generated files, from the root of the repository."""
 PARTS = {
     "benchmarks.md": {"fuzzing": fuzz_table},
+    "command.md": {"settings": settings_table},
     "development.md": {"packages": drawing, "package table": package_table},
     "exports.md": {"formats": export_table},
-    "workspace.md": {"stages": stage_table},
+    "workspace.md": {"stages": stage_table, "settings": recorded_settings},
 }
 """The generated parts by page and name."""
 
@@ -213,7 +264,9 @@ def generated(page: str) -> str:
 
 
 def main() -> None:
-    """Write all pages."""
+    """Write all pages and files."""
+    for name, make in FILES.items():
+        (ROOT / name).write_text(make(), encoding="utf-8")
     for page in PARTS:
         (ROOT / "docs" / page).write_text(generated(page), encoding="utf-8")
 

@@ -154,7 +154,11 @@ def test_every_command_and_option_is_described(capsys: pytest.CaptureFixture[str
     missing = [c for c in found if not re.search(rf"`(unveil )?{c}\b", page)]
     for command in found:
         main([command, "--help"])
-        options = set(re.findall(r"--[a-z][a-z-]+", capsys.readouterr().out)) - {"--help"}
+        shown = capsys.readouterr().out
+        if "--help-all" in shown:
+            main([command, "--help-all"])
+            shown = capsys.readouterr().out
+        options = set(re.findall(r"--[a-z][a-z-]+", shown)) - {"--help"}
         missing += [f"{command} {o}" for o in sorted(options) if o not in described]
     assert missing == []
 

@@ -2,7 +2,10 @@
 
 The public face, loaded when first used so that the command line starts at once:
 
-    open_drive, Drive, Camera, Surfels, render, Workspace, run
+    import unveil_core as unveil
+    workspace = unveil.run("drive", "workspace", remove=["vehicle"], quality="draft")
+
+docs/python.md shows the rest.
 """
 
 from __future__ import annotations
@@ -32,20 +35,31 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 28))
 
 __version__ = "0.1.0"
-__all__ = ["Camera", "Drive", "Surfels", "Workspace", "open_drive", "render", "run"]
 
 _HOMES = {
-    "open_drive": "drives",
-    "Drive": "drives.drive",
     "Camera": "geometry.camera",
+    "Drive": "drives.drive",
+    "DriveOptions": "base.drive_options",
+    "FrameView": "api.frames",
+    "ObjectList": "api.objects",
+    "RunSettings": "pipeline.settings",
+    "Scene": "api.scenes",
+    "StreetObject": "api.objects",
     "Surfels": "surfels.surfels",
+    "UnveilError": "base.errors",
+    "Workspace": "api.workspace",
+    "open_drive": "drives",
     "render": "raster",
-    "Workspace": "workspace.workspace",
-    "run": "pipeline.run",
+    "run": "api.workspace",
 }
+__all__ = list(_HOMES)  # __init__.pyi has them for type checkers
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(import_module(f"unveil_core.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*_HOMES, "__version__"]

@@ -115,7 +115,9 @@ def forget(scene: bpy.types.Scene, index: int) -> None:
 def file_of(scene: Any) -> str:
     """The file that tells a run of what was mended; empty where nothing was. Touches no disk."""
     listed = scene.unveil_selection
-    return str(Path(listed.workspace) / FILE) if listed.workspace and len(listed.fixes) else ""
+    if not listed.workspace or not len(listed.fixes):
+        return str(listed.corrections_from)
+    return str(Path(listed.workspace) / FILE)
 
 
 def write(scene: Any) -> str:
@@ -126,8 +128,8 @@ def write(scene: Any) -> str:
         ValueError: an image cannot be saved; one line that names it.
     """
     path = file_of(scene)
-    if not path:
-        return ""
+    if not len(scene.unveil_selection.fixes):
+        return path  # none, or a file of somebody
     entries = []
     for fix in scene.unveil_selection.fixes:
         if fix.image is not None and fix.image.is_dirty:

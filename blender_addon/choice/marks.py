@@ -20,7 +20,17 @@ from ..formats.files import write_changed
 from ..formats.object_files import read_marks
 from ..scene import blocks
 
-__all__ = ["FILE", "FIRST_NUMBER", "alive", "box_of_marker", "free_number", "new_marker", "restore", "write_marked"]
+__all__ = [
+    "FILE",
+    "FIRST_NUMBER",
+    "alive",
+    "box_of_marker",
+    "free_number",
+    "marked_entries",
+    "new_marker",
+    "restore",
+    "write_marked",
+]
 
 FILE = "marked.json"
 AS_MARKED = 40_000
@@ -91,22 +101,27 @@ def write_marked(
         OSError: it cannot be written.
     """
     path = workspace / FILE if into is None else into
-    own = [o for o in objects if o.source in ("box", "mattes")]
-    if not own and not boxes and not path.is_file():
+    if not boxes and not path.is_file() and not any(o.source in ("box", "mattes") for o in objects):
         return None
+    entries = marked_entries(workspace, objects, metre)
+    for number, (name, box) in (boxes or {}).items():
+        if box is not None:
+            entries.append({"id": number, "class": name, **_box_entry(_placed(workspace, metre), box)})
+    write_changed(path, (json.dumps(entries, indent=1) + "\n").encode())
+    return path
+
+
+def marked_entries(workspace: Path, objects: Sequence[Any], metre: float = 1.0) -> list[dict[str, object]]:
+    """The marks among the objects of the list, as the file has them. Arguments as :func:`write_marked`."""
     entries: list[dict[str, object]] = []
-    for thing in own:
+    for thing in (o for o in objects if o.source in ("box", "mattes")):
         entry: dict[str, object] = {"id": thing.number, "class": thing.class_name or "object"}
         if thing.source == "mattes":
             entry["mattes"] = os.path.realpath(bpy.path.abspath(thing.mattes))
         else:
             entry |= _box_entry(_placed(workspace, metre), box_of_marker(thing.marker))
         entries.append(entry)
-    for number, (name, box) in (boxes or {}).items():
-        if box is not None:
-            entries.append({"id": number, "class": name, **_box_entry(_placed(workspace, metre), box)})
-    write_changed(path, (json.dumps(entries, indent=1) + "\n").encode())
-    return path
+    return entries
 
 
 def _box_entry(drive: ImportedDrive, box: SceneBox) -> dict[str, object]:
@@ -126,13 +141,13 @@ def _placed(workspace: Path, metre: float) -> ImportedDrive:
     return _drives[key]
 
 
-def restore(scene: bpy.types.Scene, drive: ImportedDrive) -> list[dict[str, Any]]:
-    """The marks that a workspace has, with their wire cubes in the scene: properties of the list's entries."""
+def restore(scene: bpy.types.Scene, drive: ImportedDrive, path: Path | None = None) -> list[dict[str, Any]]:
+    """The marks that a workspace has, or another file, with their wire cubes in the scene: properties of the list's entries."""
     collection = blocks.drive_collection(scene, str(drive.workspace.resolve()))
     if collection is None:
         return []
     found: list[dict[str, Any]] = []
-    for mark in read_marks(drive):
+    for mark in read_marks(drive, path):
         common = {"number": mark.number, "class_name": mark.class_name}
         if mark.box is None:
             found.append({**common, "source": "mattes", "mattes": mark.mattes})

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ from ..formats.files import file_stamp
 from ..formats.object_files import ListedObject, read_choice, read_listed, read_moving, recorded_settings
 from ..formats.timeline import Timeline, timeline_of
 from ..scene import blocks, drive_scene, versions
-from . import fixes, marks
+from . import as_made, fixes, marks
 
 __all__ = [
     "MARKED",
@@ -158,6 +159,10 @@ class UnveilSelection(bpy.types.PropertyGroup):
     )
     fixes: CollectionProperty(type=fixes.UnveilFix)
     active_fix: IntProperty(name="Fix", default=0)
+    as_made: StringProperty(description="The choice that the workspace was made with, see as_made.py")
+    marked_from: StringProperty(description="A file of marks that is not the workspace's own")
+    marked_as: StringProperty(description="What the marks were when they were read there")
+    corrections_from: StringProperty(description="A file of corrections that is not the workspace's own")
     all_classes: BoolProperty(name="All classes", description="Also list classes that are not usually removed")
 
 
@@ -231,10 +236,25 @@ def arguments(scene: Any) -> list[str]:
     """
     if not current(scene):
         return []
-    path = marks.write_marked(Path(scene.unveil_selection.workspace), standing(scene), drive_scene.metre_of(scene))
+    path = _write_marked(scene)
     mended = fixes.write(scene)
     files = {"--marked": "" if path is None else str(path), "--corrections": mended}
     return [*chosen_arguments(scene), *(word for name, file in files.items() if file for word in (name, file))]
+
+
+def _write_marked(scene: Any) -> Path | None:
+    """The file of marks: the one that the workspace was made with, as long as they are the same; else its own, written anew."""
+    listed, metre = scene.unveil_selection, drive_scene.metre_of(scene)
+    if listed.marked_from:
+        if _marks_as_text(scene) == listed.marked_as:
+            return Path(listed.marked_from)
+        listed.marked_from = ""
+    return marks.write_marked(Path(listed.workspace), standing(scene), metre)
+
+
+def _marks_as_text(scene: Any) -> str:
+    place = Path(scene.unveil_selection.workspace)
+    return json.dumps(marks.marked_entries(place, standing(scene), drive_scene.metre_of(scene)))
 
 
 def preview_arguments(scene: Any, workspace: Path) -> list[str]:
@@ -262,13 +282,17 @@ def marked_file(scene: Any) -> str:
     """The file that tells of the marks in the list; empty where none is there."""
     listed = scene.unveil_selection
     marked = any(_stands(listed.objects[i]) for i in _marked(listed))
-    return str(Path(scene.unveil_selection.workspace) / marks.FILE) if marked else ""
+    return (listed.marked_from or str(Path(listed.workspace) / marks.FILE)) if marked else ""
 
 
 def chosen_arguments(scene: Any) -> list[str]:
     """The same without the marks' file. Quick, and touches no disk: for every redraw."""
     if not current(scene):
         return []
+    return as_made.in_its_words(_chosen_arguments(scene), scene.unveil_selection.as_made)
+
+
+def _chosen_arguments(scene: Any) -> list[str]:
     found: list[str] = []
     classes, numbers = chosen_classes(scene), chosen_numbers(scene)
     if classes:
@@ -318,7 +342,12 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
         selection.fixes.clear()
     known = {entry.number: entry for entry in objects}
     if not same:
-        kept = marks.restore(scene, drive)
+        recorded = recorded_settings(drive.workspace)
+        elsewhere = {
+            name: as_made.file_elsewhere(drive.workspace, recorded, name) for name in ("marked", "corrections")
+        }
+        selection.marked_from, selection.corrections_from = elsewhere["marked"], elsewhere["corrections"]
+        kept = marks.restore(scene, drive, Path(elsewhere["marked"]) if elsewhere["marked"] else None)
     moving = read_moving(drive)
     selection.workspace = place
     selection.objects.clear()
@@ -348,6 +377,9 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
     for thing in selection.objects:
         thing.row = _row_of(thing, selection)
     selection.active = min(selection.active, max(len(selection.objects) - 1, 0))
+    if not same:
+        selection.as_made = as_made.remembered(_chosen_arguments(scene), recorded) if chosen or alone else ""
+        selection.marked_as = _marks_as_text(scene) if selection.marked_from else ""
 
 
 def _recorded(workspace: Path, objects: Sequence[ListedObject]) -> tuple[set[int], set[str]]:

@@ -153,13 +153,13 @@ def read_choice(workspace: Path) -> Choice:
     return _read(workspace / "selection.json", understood, Choice(), "run the stage choose again")
 
 
-def read_marks(drive: ImportedDrive) -> list[Mark]:
-    """``marked.json``, in its own order."""
+def read_marks(drive: ImportedDrive, path: Path | None = None) -> list[Mark]:
+    """``marked.json``, in its own order; of the workspace, or another file of the kind."""
 
     def understood(data: Any) -> list[Mark]:
         return [_mark(e, drive) for e in _list(data)]
 
-    return _read(drive.workspace / "marked.json", understood, [], "mend it, or remove it to mark objects anew")
+    return _read(path or drive.workspace / "marked.json", understood, [], "mend it, or remove it to mark objects anew")
 
 
 def read_fixes(drive: ImportedDrive) -> list[Fix]:

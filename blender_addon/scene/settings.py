@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..formats.table.run_settings import SHOWN, RunSetting
 from . import blocks, versions
 
 __all__ = ["CAMERAS", "SET_UP_SCENE", "START_FRAME", "UnveilSettings"]
@@ -43,8 +44,33 @@ def _inpainters(self: UnveilSettings, context: bpy.types.Context, text: str) -> 
     return [name for name in ("exemplar", "telea", "navier-stokes", "shift-map", "fsr") if text in name]
 
 
+def _property(setting: RunSetting) -> Any:
+    """A property for a setting of the table."""
+    usual = f". Empty: {setting.usual or setting.default}" if isinstance(setting.start, str) else ""
+    told: dict[str, Any] = {"name": setting.label, "default": setting.start, "description": setting.help}
+    if setting.shape == "flag":
+        return BoolProperty(**told)
+    if setting.choices:  # the shadows, too
+        known = tuple((name, label, text or setting.help) for name, label, text in setting.choices)
+        automatic = (("auto", "Automatic", f"{setting.help}: {setting.usual}"),)
+        return EnumProperty(**told, items=automatic + known if setting.default is None else known)
+    if setting.shape in ("whole", "number"):
+        nothing = setting.nothing if setting.default is None else setting.low
+        told["description"] += f". {nothing}: {setting.usual}" if setting.default is None else ""
+        if setting.shape == "whole":
+            return IntProperty(**told, min=nothing, subtype="PIXEL" if setting.measure == "px" else "NONE")
+        return FloatProperty(**told, min=nothing, precision=3)
+    told["description"] += usual
+    if setting.shape == "network":
+        return StringProperty(**told, search=_inpainters, search_options={"SUGGESTION"})
+    if setting.shape in ("file", "folder"):
+        subtype = "FILE_PATH" if setting.shape == "file" else "DIR_PATH"
+        return StringProperty(**told, subtype=subtype, options=versions.PATH)
+    return StringProperty(**told)
+
+
 class UnveilSettings(bpy.types.PropertyGroup):
-    """The settings of a run, as ``unveil run --help`` has them."""
+    """The settings of a run, as ``unveil run --help`` has them; those of the table are added below."""
 
     drive: StringProperty(
         name="Drive",
@@ -59,47 +85,11 @@ class UnveilSettings(bpy.types.PropertyGroup):
         update=_workspace_named,
         options=versions.PATH,
     )
-    quality: EnumProperty(
-        name="Quality",
-        items=(
-            ("draft", "Draft", "A first look, in minutes: smaller images, fewer steps"),
-            ("standard", "Standard", "For most work; about three times as long as a draft"),
-            ("high", "High", "Larger images, more steps, finer meshes"),
-        ),
-        default="standard",
-    )
-    device: EnumProperty(
-        name="Device",
-        items=(
-            (
-                "auto",
-                "Automatic",
-                "An NVIDIA GPU where one can be used, else the processor; Check in the preferences tells",
-            ),
-            ("cpu", "CPU", "The processor alone"),
-            ("cuda", "GPU", "An NVIDIA GPU alone; a run is refused where none can be used"),
-        ),
-        default="auto",
-    )
     set_up_scene: BoolProperty(**SET_UP_SCENE)
     start_frame: IntProperty(**START_FRAME)
-    frames: StringProperty(
-        name="Frames", description="Part of the drive as FIRST:END:STEP, counted from 0, as 40:200:2; empty: all"
-    )
     preview_frames: StringProperty(
         name="Preview frames",
         description="Frames of the timeline that a preview tries, as 1004,1050; empty: the present one and two others",
-    )
-    cameras: StringProperty(**CAMERAS)
-    seed: IntProperty(name="Seed", min=0, description="The same seed gives the same result")
-    shadows: EnumProperty(
-        name="Shadows",
-        items=(
-            ("auto", "Automatic", "Shadows of removed objects are removed too; the sun's direction is estimated"),
-            ("off", "Keep", "Shadows of removed objects stay in the pictures"),
-            ("given", "Given sun", "As Automatic, with the sun's direction from Azimuth and Elevation"),
-        ),
-        default="auto",
     )
     sun_azimuth: FloatProperty(
         name="Azimuth",
@@ -117,51 +107,13 @@ class UnveilSettings(bpy.types.PropertyGroup):
         max=math.pi / 2,
         description="Height of the sun above the horizon",
     )
-    movers: EnumProperty(
-        name="Dynamic objects",
-        items=(
-            ("auto", "Remove", "Objects that move during the drive are removed from every frame"),
-            ("keep", "As static", "They are treated as static objects"),
-        ),
-        default="auto",
+    made_with: StringProperty(options={"HIDDEN"})
+    show_more: BoolProperty(
+        name="Advanced", description="Show the settings for experts", default=False, options={"SKIP_SAVE"}
     )
-    order: EnumProperty(
-        name="Fill order",
-        items=(
-            (
-                "reverse",
-                "Last frame first",
-                "Holes are filled in the last frame first, which earlier ones take their fill from",
-            ),
-            ("forward", "First frame first", "The other way round, for comparison"),
-            ("independent", "Each for itself", "No frame takes another's fill, for comparison"),
-        ),
-        default="reverse",
-    )
-    keyframes: StringProperty(
-        name="Keyframes",
-        description="Frames in which unobserved content is inpainted for all others, as 3,7; empty: chosen automatically",
-    )
-    inpainter: StringProperty(
-        name="Inpainter",
-        default="exemplar",
-        search=_inpainters,
-        search_options={"SUGGESTION"},
-        description="Fills what no frame has seen, but ground: exemplar, telea, navier-stokes, shift-map, fsr, or an ONNX file",
-    )
-    reference_inpainter: StringProperty(
-        name="Reference inpainter",
-        subtype="FILE_PATH",
-        description="ONNX file of a network that inpaints by a reference picture; empty: none",
-    )
-    work_side: IntProperty(
-        name="Longer side",
-        min=0,
-        subtype="PIXEL",
-        description="Larger images are reduced until their longer side has so many pixels; 0: as Quality says",
-    )
-    show_more: BoolProperty(name="More settings", default=False, options={"SKIP_SAVE"})
 
+
+UnveilSettings.__annotations__.update({setting.name: _property(setting) for setting in SHOWN})
 
 CLASSES = (UnveilSettings,)
 

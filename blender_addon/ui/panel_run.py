@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
 
+from ..formats.table.run_settings import ADVANCED, BASIC, SUN, RunSetting
 from ..scene.view import shown_drive
 from ..work.job import logs
 from ..work.job.job_operator import progress_lines, stage_line
@@ -17,8 +19,10 @@ from ..worker.session import session
 from ..worker.workspace_state import STAGES, StageState
 from .panels import Section
 
-__all__ = ["UNVEIL_PT_run", "UNVEIL_PT_stages", "UNVEIL_PT_work"]
+__all__ = ["UNVEIL_PT_reading", "UNVEIL_PT_run", "UNVEIL_PT_stages", "UNVEIL_PT_work"]
 
+READING = ("read", "place")
+"""Groups of settings of the import."""
 SAID = {"stale": "out of date"}
 MOST_LINES = 6
 """Of an error: a longer one would push everything else out of sight."""
@@ -101,34 +105,33 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         column.use_property_decorate = False
         column.enabled = not session.busy
         column.prop(settings, "workspace")
-        column.prop(settings, "quality")
-        column.prop(settings, "shadows")
-        if settings.shadows == "given":
-            column.prop(settings, "sun_azimuth")
-            column.prop(settings, "sun_elevation")
+        _settings(column, settings, [s for s in BASIC if s.group not in READING])
         more = column.row()
         more.use_property_split = False
         more.prop(settings, "show_more", toggle=True, icon="PREFERENCES")
         if settings.show_more:
-            for name in (
-                "movers",
-                "device",
-                "seed",
-                "work_side",
-                "frames",
-                "cameras",
-                "preview_frames",
-                "keyframes",
-                "order",
-                "inpainter",
-                "reference_inpainter",
-            ):
-                column.prop(settings, name)
+            column.prop(settings, "preview_frames")
+            _settings(column, settings, ADVANCED)
         found = stage_states(scene)
         if found is not None and found.problem:
             layout.label(text=found.problem, icon="INFO")
         if found is not None and not found.exists and shown_drive(scene) is not None:
             layout.operator("unveil.find_workspace", icon="VIEWZOOM")
+
+
+class UNVEIL_PT_reading(Section, bpy.types.Panel):
+    """What of the drive is read, and how large the world is: settings of the import."""
+
+    bl_idname = "UNVEIL_PT_reading"
+    bl_label = "Reading the Drive"
+    bl_parent_id = "UNVEIL_PT_run"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.enabled = not session.busy
+        _settings(column, context.scene.unveil, [s for s in BASIC if s.group in READING])
 
 
 class UNVEIL_PT_stages(Section, bpy.types.Panel):
@@ -162,6 +165,15 @@ class UNVEIL_PT_stages(Section, bpy.types.Panel):
         button.operator("unveil.stage", text="", icon="PLAY").stage = name
 
 
+def _settings(column: bpy.types.UILayout, settings: Any, shown: Sequence[RunSetting]) -> None:
+    """A row for each; the sun below the shadows where it is given."""
+    for setting in shown:
+        column.prop(settings, setting.name)
+        if setting.shape == "sun" and settings.shadows == "given":
+            for name in SUN:
+                column.prop(settings, name)
+
+
 def _has_results(context: bpy.types.Context) -> bool:
     collection = shown_drive(context.scene)
     return collection is not None and bool(collection.get("unveil_clean") or collection.get("unveil_results"))
@@ -185,4 +197,4 @@ def _wrapped(context: bpy.types.Context, text: str) -> list[str]:
     return textwrap.wrap(text, characters, break_on_hyphens=False) or [""]
 
 
-CLASSES = (UNVEIL_PT_work, UNVEIL_PT_run, UNVEIL_PT_stages)
+CLASSES = (UNVEIL_PT_work, UNVEIL_PT_run, UNVEIL_PT_reading, UNVEIL_PT_stages)

@@ -110,7 +110,8 @@ class JobState:
             except (ValueError, RecursionError):
                 event = None
             if isinstance(event, dict) and isinstance(event.get("stage"), str):
-                self._take(event)
+                if "exit_code" not in event:  # how the command ended: it says so on standard error, too
+                    self._take(event)
                 return
         if line.strip():
             self.note(line)

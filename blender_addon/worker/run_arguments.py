@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+from ..formats.table.run_settings import SHOWN, SUN, RunSetting, same, sun_of
 
 __all__ = [
     "adopt",
@@ -19,63 +21,46 @@ __all__ = [
     "settings_arguments",
 ]
 
-PLAIN = ("quality", "device", "seed", "movers", "order", "inpainter")
-"""Settings that the panel has as workspace.json has them."""
-NOTHING = {"--remove": "", "--instances": "", "--marked": "none", "--corrections": "none", "--per-object": "none"}
-"""The options of a choice, and how to say that it names none of that kind."""
+ANYTHING = {
+    "--remove": "auto",
+    "--instances": "auto",
+    "--marked": "none",
+    "--corrections": "none",
+    "--per-object": "none",
+}
+"""The options of a choice, and how to say that nothing is chosen: everything removable goes."""
+NOTHING = {**ANYTHING, "--remove": "", "--instances": ""}
+"""How to say that a choice names none of that kind."""
 
 
 def settings_arguments(settings: Any, absolute: Callable[[str], str] = str) -> list[str]:
     """Options that say everything that ``settings`` says, so that nothing recorded before comes through.
 
+    Each is one word, for a value may begin with a dash.
+
     Args:
         settings: a ``scene.unveil``.
         absolute: makes Blender's ``//paths`` absolute.
     """
-    return [
-        "--quality",
-        settings.quality,
-        "--device",
-        settings.device,
-        "--seed",
-        str(settings.seed),
-        "--shadows",
-        _shadows(settings),
-        "--movers",
-        settings.movers,
-        "--order",
-        settings.order,
-        "--keyframes",
-        settings.keyframes.strip() or "auto",
-        "--inpainter",
-        _inpainter(settings, absolute),
-        "--reference-inpainter",
-        _file(settings.reference_inpainter, absolute) or "none",
-        "--work-side",
-        str(settings.work_side) if settings.work_side else "auto",
-        "--cameras",
-        ",".join(_names(settings.cameras)) or "auto",
-        "--frames",
-        settings.frames.strip() or "auto",
-    ]
+    return [setting.argument(value) for setting, value in _values(settings, absolute)]
 
 
 def replaced(arguments: Sequence[str], **values: str) -> list[str]:
     """Options with other values: ``replaced(options, quality="draft")``."""
-    found = list(arguments)
-    for name, value in values.items():
-        found[found.index(f"--{name.replace('_', '-')}") + 1] = value
-    return found
+    names = {name: f"--{name.replace('_', '-')}=" for name in values}
+    kept = [word for word in arguments if not word.startswith(tuple(names.values()))]
+    return [*kept, *(f"{names[name]}{value}" for name, value in values.items())]
 
 
 def selection_arguments(chosen: Sequence[str]) -> list[str]:
     """A choice that says of each kind what goes, or that nothing does, so that nothing recorded before comes through.
 
     Args:
-        chosen: options, as ``["--remove", "car"]``; empty for no choice, which stays empty: everything removable goes.
+        chosen: options, as ``["--remove", "car"]``; empty for no choice: everything removable goes.
     """
     given = dict(zip(chosen[::2], chosen[1::2], strict=True))
-    return [word for name, none in NOTHING.items() for word in (name, given.get(name, none))] if given else []
+    usual = NOTHING if given else ANYTHING
+    return [word for name, none in usual.items() for word in (name, given.get(name, none))]
 
 
 def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[str], str] = str) -> dict[str, object]:
@@ -86,28 +71,13 @@ def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[s
         selection: options that say what goes, as ``["--remove", "car", "--instances", "3,7"]``.
         absolute: as above.
     """
-    found: dict[str, object] = {
-        "quality": settings.quality,
-        "device": settings.device,
-        "seed": settings.seed,
-        "shadows": _shadows(settings),
-        "movers": settings.movers,
-        "order": settings.order,
-        "keyframes": [] if settings.keyframes.strip() in ("", "auto") else _names(settings.keyframes),
-        "inpainter": _inpainter(settings, absolute),
-        "reference_inpainter": _file(settings.reference_inpainter, absolute) or None,
-        "work_side": settings.work_side or None,
-        "cameras": [] if settings.cameras.strip() == "auto" else _names(settings.cameras),
-        "frames": settings.frames.strip() if settings.frames.strip() not in ("", "auto") else None,
-        "marked": None,
-        "corrections": None,
-        "per_object": [],
-    }
+    found: dict[str, object] = {setting.name: value for setting, value in _values(settings, absolute)}
+    found |= {"marked": None, "corrections": None, "per_object": []}
     for option, value in zip(selection[::2], selection[1::2], strict=True):
         if option == "--remove":
-            found["remove"] = _names(value)
+            found["remove"] = [] if value == "auto" else _names(value)
         elif option == "--instances":
-            found["instances"] = [int(part) for part in _names(value)]
+            found["instances"] = [] if value == "auto" else [int(part) for part in _names(value)]
         elif option == "--per-object":
             found["per_object"] = [] if value == "none" else _names(value)
         elif option in ("--marked", "--corrections"):
@@ -118,39 +88,48 @@ def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[s
 def adopt(settings: Any, found: Mapping[str, object]) -> None:
     """Take over what a workspace was made with; what it does not tell, or tells wrongly, stays as it is.
 
+    What a property cannot hold exactly, as a number of 64 bits, stays exact in ``made_with`` until somebody changes the property.
+
     Args:
         settings: a ``scene.unveil``.
         found: settings under their names in workspace.json, from whoever made it.
     """
-    wanted: dict[str, object] = {name: found[name] for name in PLAIN if name in found}
-    shadows = found.get("shadows")
-    if isinstance(shadows, str):
-        sun = shadows.partition(",")
-        if shadows in ("auto", "off"):
-            wanted["shadows"] = shadows
-        elif all(_is_number(part) for part in sun[::2]):
-            wanted |= {
-                "shadows": "given",
-                "sun_azimuth": math.radians(float(sun[0])),
-                "sun_elevation": math.radians(float(sun[2])),
-            }
-    for name in ("keyframes", "cameras"):
-        if isinstance(listed := found.get(name), list) and all(isinstance(v, str) for v in listed):
-            wanted[name] = ",".join(listed)
-    for name, none in (("reference_inpainter", ""), ("frames", ""), ("work_side", 0)):
-        if name in found:
-            wanted[name] = none if found[name] is None else found[name]
-    for name, value in wanted.items():
-        if type(value) is type(getattr(settings, name)):
-            with suppress(TypeError, ValueError, OverflowError):  # none of the choices, too large a number
-                setattr(settings, name, value)
+    taken: dict[str, object] = {}
+    for setting in SHOWN:
+        if setting.name not in found:
+            continue
+        value = found[setting.name]
+        shown = setting.shown(value)
+        if shown is None:
+            continue
+        sun = sun_of(str(value)) if shown == "given" else None
+        with suppress(TypeError, ValueError, OverflowError):  # none of the choices, too large a number
+            setattr(settings, setting.name, shown)
+            for name, angle in zip(SUN, sun or (), strict=False):
+                setattr(settings, name, angle)
+            taken[setting.name] = value
+    settings.made_with = json.dumps(taken)
 
 
-def _is_number(text: str) -> bool:
+def _values(settings: Any, absolute: Callable[[str], str]) -> Iterator[tuple[RunSetting, Any]]:
+    """Each setting with the value that workspace.json will have."""
     try:
-        return math.isfinite(float(text))
-    except ValueError:
+        made_with = json.loads(settings.made_with or "{}")
+    except (ValueError, RecursionError):
+        made_with = {}
+    for setting in SHOWN:
+        value = made_with.get(setting.name) if isinstance(made_with, dict) else None
+        known = isinstance(made_with, dict) and setting.name in made_with and _still(settings, setting, value)
+        yield setting, value if known else setting.recorded(settings, absolute)
+
+
+def _still(settings: Any, setting: RunSetting, value: Any) -> bool:
+    """Whether a property is as it was when ``value`` was taken over."""
+    shown = setting.shown(value)
+    if shown is None or not same(getattr(settings, setting.name), shown):
         return False
+    sun = sun_of(value) if shown == "given" else None
+    return all(same(getattr(settings, name), angle) for name, angle in zip(SUN, sun or (), strict=False))
 
 
 def default_workspace(drive: str | Path, blend: str = "") -> Path:
@@ -177,18 +156,3 @@ def _place_of(drive: Path) -> Path:
 
 def _names(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
-
-
-def _shadows(settings: Any) -> str:
-    if settings.shadows != "given":
-        return str(settings.shadows)
-    return f"{math.degrees(settings.sun_azimuth):.6g},{math.degrees(settings.sun_elevation):.6g}"
-
-
-def _file(path: str, absolute: Callable[[str], str]) -> str:
-    return str(Path(absolute(path)).expanduser().absolute()) if path.strip() else ""
-
-
-def _inpainter(settings: Any, absolute: Callable[[str], str]) -> str:
-    name = settings.inpainter.strip() or "exemplar"
-    return _file(name, absolute) if name.lower().endswith(".onnx") else str(name)

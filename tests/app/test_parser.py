@@ -36,8 +36,9 @@ def test_each_setting_has_an_option_and_what_is_not_given_stays_as_it_was() -> N
     assert settings_of(command_parser().parse_args(["inpaint", "ws"]), before) == before
     assert settings_of(command_parser().parse_args(["run", "drive", "-o", "ws"])) == RunSettings()
     verbs = next(a for a in command_parser()._actions if a.dest == "verb")
-    options = {a.dest for a in verbs.choices["run"]._actions}  # type: ignore[index, call-overload]
-    assert {f.name for f in fields(RunSettings)} <= options
+    for verb in ("run", "import", "check", "status", *STAGE_VERBS):
+        options = {a.dest for a in verbs.choices[verb]._actions}  # type: ignore[index, call-overload]
+        assert {f.name for f in fields(RunSettings)} <= options, verb
 
 
 def test_the_grammar_loads_no_heavy_package() -> None:

@@ -249,7 +249,7 @@ def test_the_command_plans_shows_and_merges(
     assert main(plan) == 0
     assert "1 drives, 20 frames, 1 blocks, 1 tasks" in capsys.readouterr().out
     (task,) = read_batch(root).tasks
-    assert task.arguments[4:] == ("--remove=car", "--quality=draft", "--no-adaptation")
+    assert task.arguments[4:] == ("--reset", "--remove=car", "--quality=draft", "--no-adaptation")
     assert main(["batch", "status", str(root)]) == 0
     assert "0/1 tasks done" in capsys.readouterr().out
     batch = cheap(tmp_path / "other", ["one"], tmp_path)

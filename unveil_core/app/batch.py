@@ -30,11 +30,12 @@ def _plan(arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.settings import RunSettings
 
     given = settings_of(arguments)
-    options = [*_options(given, RunSettings()), *["--yes"] * arguments.yes]
-    left_out: list[Path] = []
+    # A workspace that is there already gets the settings of the plan, not its own.
+    options = ["--reset", *_options(given, RunSettings()), *["--yes"] * arguments.yes]
+    left_out: list[dict[str, str]] = []
 
     def leave_out(path: Path, error: UnveilError) -> None:
-        left_out.append(path)
+        left_out.append({"drive": str(path), "message": str(error)})
         say(f"left out: {error}", sys.stderr)
 
     batch = plan_batch(
@@ -43,12 +44,17 @@ def _plan(arguments: argparse.Namespace) -> int:
     batch.save()
     frames = sum(d.frames for d in batch.drives)
     blocks = sum(d.blocks for d in batch.drives)
-    time = about_as_long(sum(d.seconds for d in batch.drives))
-    memory = about_as_much(max(d.memory_mb for d in batch.drives))
-    say(
-        f"{len(batch.drives)} drives, {frames} frames, {blocks} blocks, {len(batch.tasks)} tasks: {arguments.output}\n"
-        f"about {time} on one worker like this machine, {memory} of memory for each worker"
-    )
+    seconds, memory_mb = sum(d.seconds for d in batch.drives), max(d.memory_mb for d in batch.drives)
+    if arguments.json:
+        told = {"folder": str(arguments.output), "drives": len(batch.drives), "frames": frames, "blocks": blocks}
+        told |= {"tasks": len(batch.tasks), "seconds": round(seconds), "memory_mb": round(memory_mb)}
+        print(json.dumps({"batch": {**told, "left_out": left_out}}))
+    else:
+        say(
+            f"{len(batch.drives)} drives, {frames} frames, {blocks} blocks, {len(batch.tasks)} tasks: {arguments.output}\n"
+            f"about {about_as_long(seconds)} on one worker like this machine, {about_as_much(memory_mb)} of memory for "
+            "each worker"
+        )
     return 1 if left_out else 0
 
 
@@ -96,9 +102,13 @@ def _merge(arguments: argparse.Namespace) -> int:
         if task.block is not None or not task.after or not ready:
             continue
         try:
-            say(f"{task.id}: done in {run_task(str(batch.root), task.id)['seconds']:.0f} s")
+            seconds = run_task(str(batch.root), task.id)["seconds"]
+            line = f"{task.id}: done in {seconds:.0f} s"
+            say(json.dumps({"task": task.id, "status": "done", "seconds": seconds}) if arguments.json else line)
         except TaskFailed as error:
             failed += 1
+            if arguments.json:
+                say(json.dumps({"task": task.id, "status": "failed", "level": "error", "message": str(error)}))
             say(f"failed: {error}", sys.stderr)
     return 1 if failed else 0
 
@@ -120,5 +130,6 @@ def _template(arguments: argparse.Namespace) -> int:
     write_atomic(path, lambda stream: stream.write(content))
     for error in left_out:
         say(f"left out: {error}", sys.stderr)
-    say(shlex.quote(str(path)))
+    told = {"file": str(path), "left_out": [str(error) for error in left_out]}
+    say(json.dumps(told) if arguments.json else shlex.quote(str(path)))
     return 1 if left_out else 0

@@ -30,7 +30,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
         if plot:
             _PLOTS[arguments.what](measured, output.with_suffix(".png"))
     if arguments.json or arguments.what not in _TABLES:
-        print(json.dumps(measured, indent=1))
+        print(json.dumps(measured, indent=None if arguments.json else 1))
     else:
         print(_TABLES[arguments.what](measured))
     return 0

@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from unveil_core.app.console import reporting, say
+from unveil_core.app.console import reporting_for, say
 from unveil_core.app.given_settings import settings_of
 from unveil_core.base.errors import SettingsError
 
@@ -38,7 +38,7 @@ def run_check(arguments: argparse.Namespace) -> int:
             path=page,
             mend="name another file with -o, or add --replace",
         )
-    with reporting(arguments.json) as reporter:
+    with reporting_for(arguments) as reporter:
 
         def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
             event = {"t": round(time.time(), 3), "stage": "check", "done": done, "total": total, "message": message}
@@ -51,6 +51,7 @@ def run_check(arguments: argparse.Namespace) -> int:
             "page": str(page),
             "facts": dict(found.facts),
             "assumed": [*found.assumed, *found.told],
+            "exit_code": 2 if found.asks and not arguments.yes else 0,
             "findings": [{"problem": f.problem, "mend": f.mend, "asks": f.asks} for f in found.findings],
         }
         say(json.dumps({"check": told}))

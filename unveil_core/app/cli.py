@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from unveil_core.base.surroundings.guarded_imports import leave_working_folder
 __all__ = ["CANCELLED", "main"]
 
 CANCELLED = "unveil: cancelled; run the same command again to go on"
+CANCELLED_CODE = 130
 NO_MEMORY = "unveil: failed: no memory left (end other programs, or use a machine with more)"
 
 
@@ -45,18 +48,19 @@ def main(argv: list[str] | None = None) -> int:
                 end_with_stdin()
             return VERBS[arguments.verb](arguments)
     except UnveilError as error:
-        return _say(f"error: {error}", 2)
+        more = {"problem": error.problem, "path": None if error.path is None else str(error.path), "mend": error.mend}
+        return _say(f"error: {error}", 2, arguments.json, more)
     except (DiskFullError, OutOfMemoryError) as error:
-        return _say(f"failed: {error}", 1)
+        return _say(f"failed: {error}", 1, arguments.json)
     except (Cancelled, KeyboardInterrupt):
-        return _say(CANCELLED.removeprefix("unveil: "), 130)
+        return _say(CANCELLED.removeprefix("unveil: "), CANCELLED_CODE, arguments.json)
     except BrokenPipeError:  # who read the output has left, as ``head`` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to be written goes nowhere
         return 1
     except Exception as error:
         if arguments.debug:
             raise
-        return _say(*_of_any(error, asked.is_set()))
+        return _say(*_of_any(error, asked.is_set()), arguments.json)
 
 
 def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
@@ -66,7 +70,7 @@ def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
     from unveil_core.base.files import full_disk, is_out_of_gpu_memory, is_out_of_memory
 
     if interrupted:  # libraries that are being loaded make an error of their own of it
-        return CANCELLED.removeprefix("unveil: "), 130
+        return CANCELLED.removeprefix("unveil: "), CANCELLED_CODE
     if is_out_of_gpu_memory(error):
         return "no memory left on the GPU (end other programs that use it, or use --device cpu)", 1
     if is_out_of_memory(error):
@@ -82,9 +86,18 @@ def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
     return f"failed: {text} (the traceback is in the workspace's events.jsonl; --debug shows it)", 1
 
 
-def _say(line: str, code: int) -> int:
+def _say(line: str, code: int, as_json: bool = False, more: Mapping[str, str | None] | None = None) -> int:
+    """Say how the command ends: on standard error for people, and as the last event on standard output for programs."""
+    line = " ".join(line.split())
     with suppress(OSError):  # whoever listened may be gone
-        say(f"unveil: {' '.join(line.split())}", sys.stderr)
+        if as_json:
+            event = {"t": round(time.time(), 3), "stage": "", "done": 0, "total": 0}
+            message = line.removeprefix("error: ").removeprefix("failed: ")
+            level = "error" if code != CANCELLED_CODE else "notice"
+            print(
+                json.dumps({**event, "message": message, "level": level, **(more or {}), "exit_code": code}), flush=True
+            )
+        say(f"unveil: {line}", sys.stderr)
     return code
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import TYPE_CHECKING, TextIO
 
 from unveil_core.base.wording import about_as_long, shown
@@ -13,7 +14,7 @@ from unveil_core.base.wording import about_as_long, shown
 if TYPE_CHECKING:  # the stages' module loads NumPy
     from unveil_core.pipeline.stage import Reporter
 
-__all__ = ["reporting", "say"]
+__all__ = ["reporting", "reporting_for", "say"]
 
 
 def say(text: object, file: TextIO | None = None) -> None:
@@ -22,11 +23,28 @@ def say(text: object, file: TextIO | None = None) -> None:
     print("\n".join(lines), file=file or sys.stdout, flush=True)
 
 
+def reporting_for(arguments: argparse.Namespace) -> AbstractContextManager[Reporter]:
+    """A reporter as a command asks for it: ``--json``, ``--quiet``, ``--verbose``, or none of them."""
+    return reporting(
+        arguments.json, quiet=getattr(arguments, "quiet", False), verbose=getattr(arguments, "verbose", False)
+    )
+
+
 @contextmanager
-def reporting(as_json: bool) -> Iterator[Reporter]:
-    """A reporter for the surroundings: ``--json``, a terminal, or neither."""
+def reporting(as_json: bool, *, quiet: bool = False, verbose: bool = False) -> Iterator[Reporter]:
+    """A reporter for the surroundings.
+
+    Args:
+        as_json: each event as a line of JSON, whatever else is asked.
+        quiet: warnings alone.
+        verbose: each event as a line.
+    """
     if as_json:
         yield lambda event: print(json.dumps(event), flush=True)
+    elif quiet:
+        yield _warnings
+    elif verbose:
+        yield _each
     elif sys.stderr.isatty():
         with _bar() as reporter:
             yield reporter
@@ -51,6 +69,17 @@ def _plain(event: dict[str, object]) -> None:
     # Of an error the command says itself how it ended, once.
     if event["message"] in ("started", "done", "up to date") or event["level"] in ("warning", "notice"):
         say(f"{event['stage']:<12} {_text(event)}", sys.stderr)
+
+
+def _warnings(event: dict[str, object]) -> None:
+    if event["level"] == "warning":
+        say(f"{event['stage']:<12} {_text(event)}", sys.stderr)
+
+
+def _each(event: dict[str, object]) -> None:
+    if event["level"] != "error":
+        place = f"{event['done']}/{event['total']}  " if event["total"] else ""
+        say(f"{event['stage']:<12} {place}{_text(event)}", sys.stderr)
 
 
 @contextmanager

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
-from unveil_core.base.drive_options import LABEL_CLASSES, POSE_CONVENTIONS
+from unveil_core.app.grammar.parsers import CommandParser, MainParser
+from unveil_core.app.grammar.setting_options import add_setting, add_settings
 from unveil_core.base.kernels.device import DEVICES
-from unveil_core.base.wording import shown
-from unveil_core.pipeline.settings import MOVERS, ORDERS, POSES, QUALITIES, UPS
+from unveil_core.pipeline.settings import QUALITIES
 
 __all__ = ["BLOCK_STAGES", "EXPORTS", "STAGE_VERBS", "command_parser"]
 
@@ -39,37 +38,32 @@ BLOCK_STAGES = ("reconstruct", "reoptimize")
 EXPORTS = (
     "splat-ply", "spz", "splat-gltf", "usd-splats", "usd-points", "ply", "obj", "glb", "usd", "textured-glb", "textured-obj",
     "textured-usd", "nerfstudio", "colmap", "chan",
-    "las", "laz", "objects-json", "png", "exr", "mattes", "mp4", "prores",
+    "las", "laz", "objects-json", "png", "exr", "mattes", "mp4", "pandaset", "kitti", "nuscenes", "prores",
 )  # fmt: skip
 """The formats of ``exports.registry.FORMATS``; likewise."""
 
 
-class _Parser(argparse.ArgumentParser):
-    """Usage errors are one line and exit 2; ``--up -y`` is a value, not an option."""
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        words: list[str] = []
-        for word in sys.argv[1:] if args is None else args:
-            if words and words[-1] == "--up" and word in UPS:
-                words[-1] = f"--up={word}"
-            else:
-                words.append(word)
-        return super().parse_known_args(words, namespace)
-
-    def error(self, message: str) -> Any:
-        print(f"unveil: error: {shown(message)} (see {self.prog} --help)", file=sys.stderr)
-        raise SystemExit(2)
-
+MESSAGES = {
+    "json": (("--json",), "JSON lines on standard output, errors too"),
+    "quiet": (("-q", "--quiet"), "warnings and errors alone"),
+    "verbose": (("-v", "--verbose"), "each step, with its figures"),
+    "debug": (("--debug",), "show tracebacks"),
+}
+"""Options of all verbs, before or after them, with their help."""
+DRIVE = "a transforms.json, or the folder of a drive: nerfstudio, COLMAP, KITTI, nuScenes, Waymo, …"
+SETTINGS_FILE = 'settings from a file, as quality = "draft"; options come before it'
 
 _Verbs = Any
 """What ``add_subparsers`` returns; argparse gives it no public name."""
 
 
-def command_parser() -> argparse.ArgumentParser:
+def command_parser() -> MainParser:
     """The parser of the ``unveil`` command."""
-    parser = _Parser(prog="unveil", description="The empty street from a drive.")
+    parser = MainParser(prog="unveil", description="The empty street from a drive.")
     parser.add_argument("--version", action="version", version=f"unveil {__version__}")
-    verbs = parser.add_subparsers(dest="verb", required=True, parser_class=_Parser, metavar="VERB")
+    for name, (words, text) in MESSAGES.items():
+        parser.add_argument(*words, dest=name, action="store_true", help=text)
+    verbs = parser.add_subparsers(dest="verb", required=True, parser_class=CommandParser, metavar="VERB")
     _add_whole_runs(verbs)
     _add_check(verbs)
     _add_stages(verbs)
@@ -79,6 +73,7 @@ def command_parser() -> argparse.ArgumentParser:
     _add_bench(verbs)
     _add_batch(verbs)
     _add_common(verbs.add_parser("doctor", help="what this machine has"))
+    _add_completion(verbs)
     return parser
 
 
@@ -86,17 +81,24 @@ def command_parser() -> argparse.ArgumentParser:
 
 
 def _add_whole_runs(verbs: _Verbs) -> None:
-    p = verbs.add_parser("demo", help="unveil the sample street")
-    p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
-    _add_settings(p)
-    _add_common(p)
     for name, text in (
+        ("demo", "unveil the sample street"),
         ("run", "from a drive to clean frames, meshes and a report"),
         ("import", "import a drive into a workspace and list what can be removed"),
     ):
         p = verbs.add_parser(name, help=text)
-        p.add_argument("drive", type=Path)
-        p.add_argument("-o", "--output", type=Path, required=True, metavar="WORKSPACE")
+        if name == "demo":
+            p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
+        else:
+            p.add_argument("drive", type=Path, help=DRIVE)
+            p.add_argument(
+                "-o",
+                "--output",
+                type=Path,
+                required=True,
+                metavar="WORKSPACE",
+                help="folder of the results; one that is there is continued with the settings that it was made with",
+            )
         if name == "run":
             p.add_argument(
                 "--until", choices=tuple(STAGE_VERBS), default=None, metavar="STAGE", help="the last stage to run"
@@ -105,15 +107,18 @@ def _add_whole_runs(verbs: _Verbs) -> None:
             p.add_argument(
                 "--preview", action="store_true", help="draw labels and objects over the frames: WORKSPACE/preview"
             )
-        _add_replace(p, "give a workspace with results of another drive this one: they are replaced")
-        _add_yes(p)
+        p.add_argument("--reset", action="store_true", help="take the defaults, not the settings of the workspace")
+        p.add_argument("--dry-run", action="store_true", help="say what would run, why, and how long; write nothing")
+        if name != "demo":
+            _add_replace(p, "give a workspace with results of another drive this one: they are replaced")
+            _add_yes(p)
         _add_settings(p)
         _add_common(p)
 
 
 def _add_check(verbs: _Verbs) -> None:
     p = verbs.add_parser("check", help="look at a drive before a run: what it is, what is assumed, what looks wrong")
-    p.add_argument("drive", type=Path)
+    p.add_argument("drive", type=Path, help=DRIVE)
     p.add_argument(
         "-o",
         "--output",
@@ -132,11 +137,11 @@ def _add_stages(verbs: _Verbs) -> None:
     status = {"status": "which stages of a workspace are done, stale, or still to do"}
     for name, text in {**STAGE_VERBS, **status}.items():
         p = verbs.add_parser(name, help=text)
-        p.add_argument("workspace", type=Path)
+        p.add_argument("workspace", type=Path, help="folder of the results")
         _add_settings(p)
         _add_common(p)
     p = verbs.add_parser("run-block", help="make one block of a long drive for a stage, as one of many machines")
-    p.add_argument("workspace", type=Path)
+    p.add_argument("workspace", type=Path, help="folder of the results")
     p.add_argument("stage", choices=BLOCK_STAGES)
     p.add_argument("block", type=int, help="its number, from 0")
     _add_common(p)
@@ -144,8 +149,14 @@ def _add_stages(verbs: _Verbs) -> None:
 
 def _add_evaluate(verbs: _Verbs) -> None:
     p = verbs.add_parser("evaluate", help="compare a workspace with the true empty street, or with its own photographs")
-    p.add_argument("workspace", type=Path)
-    p.add_argument("--truth", type=Path, default=None, metavar="DIR")
+    p.add_argument("workspace", type=Path, help="folder of the results")
+    p.add_argument(
+        "--truth",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="true empty street, by default the one that the drive names",
+    )
     p.add_argument("--lpips", type=Path, default=None, metavar="FILE", help="your LPIPS network, TorchScript or ONNX")
     p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
     p.add_argument(
@@ -176,7 +187,7 @@ def _add_render(verbs: _Verbs) -> None:
     p = verbs.add_parser(
         "render", help="render the scene from free views: a path of cameras, or beside the drive's own"
     )
-    p.add_argument("workspace", type=Path)
+    p.add_argument("workspace", type=Path, help="folder of the results")
     p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
     p.add_argument(
         "--path",
@@ -197,7 +208,7 @@ def _add_render(verbs: _Verbs) -> None:
 
 def _add_export(verbs: _Verbs) -> None:
     p = verbs.add_parser("export", help="write results for other programs: splats, meshes, cameras, points, plates")
-    p.add_argument("workspace", type=Path)
+    p.add_argument("workspace", type=Path, help="folder of the results")
     p.add_argument(
         "--to",
         type=_names,
@@ -239,7 +250,7 @@ def _add_export(verbs: _Verbs) -> None:
 
 def _add_batch(verbs: _Verbs) -> None:
     batch = verbs.add_parser("batch", help="many drives, on many machines")
-    parts = batch.add_subparsers(dest="part", required=True, parser_class=_Parser, metavar="PART")
+    parts = batch.add_subparsers(dest="part", required=True, parser_class=CommandParser, metavar="PART")
     p = parts.add_parser("plan", help="write the tasks of some drives")
     p.add_argument("drives", type=Path, nargs="+", metavar="DRIVE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="of the batch and the workspaces")
@@ -263,16 +274,22 @@ def _add_batch(verbs: _Verbs) -> None:
                 "--workers", type=int, default=2, metavar="N", help="local processes, without a scheduler (2)"
             )
         if name == "template":
-            p.add_argument("--to", required=True, choices=("openjd", "slurm", "flamenco"))
+            p.add_argument("--to", required=True, choices=("openjd", "slurm", "flamenco"), help="which farm's")
             _add_replace(p, "write over a file that no batch made")
         _add_common(p)
+
+
+def _add_completion(verbs: _Verbs) -> None:
+    p = verbs.add_parser("completion", help="print what lets a shell complete this command")
+    p.add_argument("shell", choices=("bash", "zsh", "tcsh"))
+    _add_common(p)
 
 
 def _add_bench(verbs: _Verbs) -> None:
     p = verbs.add_parser("bench", help="measure the rasterizer, a training step, a reconstruction or whole runs")
     p.add_argument("what", choices=("raster", "step", "reconstruction", "pipeline"))
     p.add_argument("drive", type=Path, nargs="?", default=None, help="with a truth; the sample street by default")
-    p.add_argument("--quality", default="standard", choices=QUALITIES)
+    p.add_argument("--quality", default="standard", choices=QUALITIES, help="of the runs (standard)")
     p.add_argument("--every", type=int, default=8, metavar="N", help="hold every n-th frame out (8)")
     p.add_argument(
         "--without", type=_names, default=(), metavar="LOSSES", help="losses to leave out, as normal,distortion"
@@ -291,9 +308,10 @@ def _add_bench(verbs: _Verbs) -> None:
         "--scene", type=Path, default=None, metavar="WORKSPACE", help="where the rows' scene is, or is to be kept"
     )
     p.add_argument("--keep", type=Path, default=None, metavar="DIR", help="for the frames of each row")
-    _add_inpainters(p, "single-image inpainter of all rows")
+    for name in ("inpainter", "reference_inpainter"):  # of all rows
+        add_setting(p, name)
     p.set_defaults(inpainter="exemplar", reference_inpainter=None)
-    p.add_argument("--seed", type=int, default=0)
+    p.add_argument("--seed", type=int, default=0, help="of everything random (0)")
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
     _add_replace(p, "write over files that no benchmark made")
     p.add_argument(
@@ -301,7 +319,7 @@ def _add_bench(verbs: _Verbs) -> None:
     )
     p.add_argument("--quick", action="store_true", help="a small scene and few rounds, to see that it works")
     p.add_argument("--surfels", type=int, default=None, metavar="N", help="of the main table, or of the step")
-    p.add_argument("--size", type=_size, default=None, metavar="WIDTHxHEIGHT")
+    p.add_argument("--size", type=_size, default=None, metavar="WIDTHxHEIGHT", help="of the pictures")
     _add_device(p)
     _add_common(p)
 
@@ -309,27 +327,34 @@ def _add_bench(verbs: _Verbs) -> None:
 # Options that several verbs take
 
 
-def _add_common(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--json", action="store_true", help="JSON lines on standard output")
-    p.add_argument("--debug", action="store_true", help="show tracebacks")
-    p.add_argument(
+def _add_common(p: CommandParser) -> None:
+    group = p.add_argument_group("messages")
+    for name, (words, text) in MESSAGES.items():  # a default here would write over what was given before the verb
+        group.add_argument(*words, dest=name, action="store_true", default=argparse.SUPPRESS, help=text)
+    group.add_argument(
         "--end-with-stdin",
         action="store_true",
         help="cancel when standard input closes: when the program that started this one ends",
     )
 
 
-def _add_replace(p: argparse.ArgumentParser, what: str) -> None:
+def _add_settings(p: CommandParser) -> None:
+    """The settings of a run, from a file, or each by its option."""
+    p.add_argument("--settings", type=Path, default=None, metavar="FILE.toml", help=SETTINGS_FILE)
+    add_settings(p)
+
+
+def _add_replace(p: CommandParser, what: str) -> None:
     """Of a verb that otherwise refuses to write over what it did not make. One word for all of them."""
     p.add_argument("--replace", action="store_true", help=what)
 
 
-def _add_yes(p: argparse.ArgumentParser) -> None:
+def _add_yes(p: CommandParser) -> None:
     """Of a verb that asks before it begins what is most probably a mistake; without a terminal it ends instead."""
     p.add_argument("--yes", action="store_true", help="go on where a check of the drive would ask")
 
 
-def _add_device(p: argparse.ArgumentParser) -> None:
+def _add_device(p: CommandParser) -> None:
     """Of a verb that is no run: its device is recorded nowhere."""
     p.add_argument(
         "--device",
@@ -340,221 +365,11 @@ def _add_device(p: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_settings(p: argparse.ArgumentParser) -> None:
-    """An option for each field of ``RunSettings``, under the field's name.
-
-    An option that is not given leaves no attribute behind: the setting keeps its default or, on a workspace, its recorded value.
-    """
-
-    def add(name: str, **options: Any) -> None:
-        p.add_argument(name, default=argparse.SUPPRESS, **options)
-
-    add("--remove", type=_names, metavar="CLASSES", help="classes or groups: vehicle,human,dynamic")
-    add("--instances", type=_ids, metavar="IDS", help="single objects, as 3,7")
-    add(
-        "--marked",
-        metavar="FILE.json|none",
-        type=_file_or_none,
-        help="objects without labels: a list of {id, class, centre, size, yaw} or {id, mattes: FOLDER}",
-    )
-    add(
-        "--corrections",
-        metavar="FILE.json|none",
-        type=_file_or_none,
-        help="clean frames mended by hand, for all frames: a list of {camera, frame, image: FILE.png, invent}",
-    )
-    add(
-        "--per-object",
-        metavar="ID:grow=PX,ID:shadow=keep|none",
-        type=_per_object,
-        help="enlarge a single object's mask by pixels of the delivered frame, or leave its shadow",
-    )
-    add("--quality", choices=QUALITIES)
-    add(
-        "--device",
-        choices=DEVICES,
-        help="what renders and trains: an NVIDIA GPU where one can be used, the processor, or the GPU",
-    )
-    add("--seed", type=int)
-    add(
-        "--memory",
-        metavar="SIZE",
-        help="for the frames that a stage holds, as 512M or 4G (the default); more is faster",
-    )
-    add(
-        "--scale",
-        type=_scale,
-        metavar="UNITS_PER_METRE|auto",
-        help="of the drive's coordinates, where they are not metres",
-    )
-    add(
-        "--camera-height",
-        type=_metres,
-        metavar="METRES|auto",
-        help="of the cameras above the ground: the scale follows from it",
-    )
-    add("--up", type=_axis, metavar="x|y|z|-x|-y|-z|auto", help="axis of the drive's coordinates that is up")
-    add("--scene", type=_name_or_auto, metavar="NAME", help="of a dataset's folder that holds several drives")
-    add("--cameras", type=_cameras, metavar="NAMES|all|auto", help="of a rig; by default a dataset's front camera")
-    add(
-        "--frames",
-        type=_name_or_auto,
-        metavar="A:B:STEP|auto",
-        help="part of the drive, counted from 0 as in Python, or several: 3:9,40:46",
-    )
-    add(
-        "--model",
-        type=_name_or_auto,
-        metavar="N|N,N|all|auto",
-        help="of several COLMAP models: one by its folder's name, or those that share pictures joined; by default the largest",
-    )
-    add("--sweeps", metavar="all|key|N", help="LiDAR sweeps: all, of annotated frames only, or each N-th")
-    add(
-        "--labels",
-        type=_file_or_none,
-        metavar="FOLDER|none",
-        help="label pictures of the frames, as CAMERA/STEM.png, in the place of the drive's own",
-    )
-    add(
-        "--instance-maps",
-        type=_file_or_none,
-        metavar="FOLDER|none",
-        help="pictures of the ids of single objects, named likewise",
-    )
-    add(
-        "--label-classes",
-        type=_name_or_auto,
-        metavar="NAME|auto",
-        help=f"what label pictures hold: {', '.join(LABEL_CLASSES)}; by default what their values tell",
-    )
-    add(
-        "--mask-removes",
-        type=_name_or_auto,
-        metavar="black|white|auto",
-        help="which part of a mask is removed; by default black, as nerfstudio and COLMAP have it",
-    )
-    add(
-        "--segmenter",
-        type=_file_or_none,
-        metavar="FILE.onnx|none",
-        help="labels the frames, beside it FILE.toml tells how",
-    )
-    add(
-        "--work-side",
-        type=_pixels,
-        metavar="PIXELS|auto",
-        help="longer side at which the scene is made; frames are delivered at their own size",
-    )
-    add(
-        "--shadows",
-        metavar="auto|off|AZIMUTH,ELEVATION",
-        help="remove the shadows of removed objects, keep them, or give the direction to the sun, in degrees",
-    )
-    add(
-        "--pose-convention",
-        type=_name_or_auto,
-        metavar="NAME|auto",
-        help=f"what the matrices of poses are: {', '.join(POSE_CONVENTIONS)}; by default the format's habit",
-    )
-    add("--movers", choices=MOVERS, help="remove dynamic objects from every frame, or treat them as static")
-    add("--poses", choices=POSES, help="refine the cameras where the photographs disagree with them, or keep them")
-    add("--iterations", type=int, metavar="N", help="steps of the reconstruction")
-    add("--sh-degree", type=int, metavar="L", help="degree of colour by direction, 0 to 3")
-    add("--splats", type=int, metavar="N", help="surfels at most")
-    add(
-        "--no-adaptation",
-        dest="adapt",
-        action="store_false",
-        help="use the limits of the quality instead of choosing by held-out error",
-    )
-    add(
-        "--baselines",
-        action=argparse.BooleanOptionalAction,
-        help="in the report of a drive with truth, fill the frames by single-image inpainters, too, for comparison: slow",
-    )
-    _add_inpainters(
-        p,
-        "for holes that no frame shows and that are not ground: exemplar, telea, navier-stokes, shift-map, fsr, FILE.onnx",
-    )
-    add("--order", choices=ORDERS, help="of the frames in which holes are filled; for comparison")
-    add(
-        "--keyframes",
-        type=_keyframes,
-        metavar="auto|N,N,...",
-        help="frames in which unobserved content is invented, by number or stem",
-    )
-
-
-def _add_inpainters(p: argparse.ArgumentParser, text: str) -> None:
-    p.add_argument("--inpainter", default=argparse.SUPPRESS, metavar="NAME|FILE.onnx", help=text)
-    p.add_argument(
-        "--reference-inpainter",
-        default=argparse.SUPPRESS,
-        metavar="FILE.onnx|none",
-        type=_file_or_none,
-        help="propagates invented content: from image, mask and a frame that shows the place to an image",
-    )
-
-
 # Types of arguments
-
-
-def _scale(text: str) -> float | None:
-    try:
-        return None if text.strip() == "auto" else float(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of units in a metre, and not auto") from error
-
-
-def _metres(text: str) -> float | None:
-    try:
-        return None if text.strip() == "auto" else float(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of metres, and not auto") from error
-
-
-def _axis(text: str) -> str | None:
-    return None if text.strip() == "auto" else text.strip().removeprefix("+")
 
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(",") if part.strip())
-
-
-def _ids(text: str) -> tuple[int, ...]:
-    try:
-        return tuple(int(part) for part in _names(text))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers such as 3,7") from None
-
-
-def _name_or_auto(text: str) -> str | None:
-    return None if text.strip() == "auto" else text.strip()
-
-
-def _cameras(text: str) -> tuple[str, ...]:
-    return () if text.strip() == "auto" else _names(text)
-
-
-def _keyframes(text: str) -> tuple[str, ...]:
-    names = () if text.strip() == "auto" else _names(text)
-    if not names and text.strip() != "auto":
-        raise argparse.ArgumentTypeError(f"{text!r} names no frames, as 3,7 would")
-    return names
-
-
-def _pixels(text: str) -> int | None:
-    if text.strip() != "auto" and not text.isdigit():
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of pixels, and not auto")
-    return None if text.strip() == "auto" else int(text)
-
-
-def _per_object(text: str) -> tuple[str, ...]:
-    return () if text.strip() == "none" else _names(text)
-
-
-def _file_or_none(text: str) -> str | None:
-    return None if text.strip() == "none" else text
 
 
 def _size(text: str) -> tuple[int, int]:

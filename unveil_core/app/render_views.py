@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.output_place import check_folder_place, drives_of
+from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.raster.picture import with_sky
 from unveil_core.semantics.classes import VOID
@@ -31,7 +33,7 @@ from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import load_labels
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["PLANES", "STATES", "render_views"]
+__all__ = ["PLANES", "STATES", "check_planes", "read_scene", "render_views", "rendered_planes"]
 
 STATES = ("empty", "full")
 PLANES = ("rgb", "depth", "normal", "alpha", "semantics")
@@ -97,7 +99,7 @@ def render_views(
     names = [f"{view.track}/{view.name}" if several else view.name for view in views]
     files = ["transforms.json", *(f"{plane}/{name}.png" for plane in planes for name in names)]
     check_writable(output, files, mend="name an empty folder, or one that was rendered to, with -o")
-    surfels, sky = _scene(workspace, state)
+    surfels, sky = read_scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
     first = drive.frames[0]
     colours = read_metadata(first.image_path if first.footage is None else first.footage.path).of_color
@@ -127,19 +129,35 @@ def _views(workspace: Workspace, drive: Drive, path: Path | None, beside: float,
     return shifted(views, beside=beside, above=above, along=along)
 
 
-def _check_settings(state: str, planes: Sequence[str], beside: float, above: float) -> None:
-    if state not in STATES:
-        raise SettingsError(f"no state is called {state!r}", mend=f"use {' or '.join(STATES)}")
+def check_planes(planes: Sequence[str]) -> None:
+    """Check names of planes.
+
+    Raises:
+        SettingsError: an unknown one, or none.
+    """
     unknown = [p for p in planes if p not in PLANES]
     if unknown or not planes:
         problem = f"no plane is called {unknown[0]!r}" if unknown else "no plane is named"
         raise SettingsError(problem, mend=f"there are {', '.join(PLANES)}")
+
+
+def _check_settings(state: str, planes: Sequence[str], beside: float, above: float) -> None:
+    if state not in STATES:
+        raise SettingsError(f"no state is called {state!r}", mend=f"use {' or '.join(STATES)}")
+    check_planes(planes)
     for name, shift in (("beside", beside), ("above", above)):
         if not math.isfinite(shift) or abs(shift) > FARTHEST_SHIFT_M:
             raise SettingsError(f"{shift:g} m {name} the path", mend=f"at most {FARTHEST_SHIFT_M:g} m either way")
 
 
-def _scene(workspace: Workspace, state: str) -> tuple[Surfels, Sky]:
+def read_scene(workspace: Workspace, state: str) -> tuple[Surfels, Sky]:
+    """The surfels and the sky of a state.
+
+    Raises:
+        SettingsError: an unknown state. WorkspaceError: there is no such scene yet.
+    """
+    if state not in STATES:
+        raise SettingsError(f"no state is called {state!r}", mend=f"use {' or '.join(STATES)}")
     path = workspace.surfels_full if state == "full" else workspace.surfels_empty
     if not path.is_file():
         verb = "reconstruct" if state == "full" else "reoptimize"
@@ -151,33 +169,57 @@ def _pictures(
     surfels: Surfels, sky: Sky, camera: Camera, planes: Sequence[str], scene: SceneLabels | None
 ) -> dict[str, NDArray[np.uint8] | NDArray[np.uint16]]:
     """The asked planes of one view as they go to disk."""
+    pictures: dict[str, NDArray[np.uint8] | NDArray[np.uint16]] = {}
+    for plane, values in rendered_planes(surfels, sky, camera, planes, scene).items():
+        if plane == "alpha":
+            pictures[plane] = _levels(values)
+        elif plane == "depth":
+            steps = np.round(values * DEPTH_STEPS_PER_M)
+            pictures[plane] = np.where(steps < 2**16, steps, 0).astype(np.uint16)
+        elif plane == "normal":
+            solid = values.any(axis=-1, keepdims=True)
+            pictures[plane] = np.where(solid, _levels(0.5 * values + 0.5), 0).astype(np.uint8)
+        else:
+            pictures[plane] = values
+    return pictures
+
+
+def rendered_planes(
+    surfels: Surfels, sky: Sky, camera: Camera, planes: Sequence[str], scene: SceneLabels | None
+) -> dict[str, NDArray[Any]]:
+    """The asked planes of one view by name: rgb and semantics as they go to disk; depth in metres, normals of unit length in the
+    axes of normal maps and alpha as float32.
+
+    Args:
+        scene: labels of the surfels, for semantics.
+    """
+    surfels = near_camera(surfels, camera)
     needed = tuple(dict.fromkeys(n for p in planes for n in _NEEDS[p]))
     labels = None if scene is None else len(scene.labels)
     out = rendered(surfels, camera, needed, near=NEAR_M, far=FAR_M, label_count=labels)
     found = {n: array(getattr(out, n)) for n in needed}
     alpha = found["alpha"]
     solid = alpha > SOLID
-    pictures: dict[str, NDArray[np.uint8] | NDArray[np.uint16]] = {}
+    shown: dict[str, NDArray[Any]] = {}
     for plane in dict.fromkeys(planes):
         if plane == "rgb":
-            pictures[plane] = with_sky(found["rgb"], alpha, sky, camera)
+            shown[plane] = with_sky(found["rgb"], alpha, sky, camera)
         elif plane == "alpha":
-            pictures[plane] = _levels(alpha)
+            shown[plane] = alpha.astype(np.float32)
         elif plane == "depth":
-            steps = np.round(found["median_depth"] * DEPTH_STEPS_PER_M)
-            pictures[plane] = np.where(solid & (steps < 2**16), steps, 0).astype(np.uint16)
+            shown[plane] = np.where(solid, found["median_depth"], 0).astype(np.float32)
         elif plane == "normal":
             # To the axes of normal maps: OpenCV's y and z point the other way.
             normal = found["normal"] * (1, -1, -1)
             normal = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-6)
-            pictures[plane] = np.where(solid[..., None], _levels(0.5 * normal + 0.5), 0).astype(np.uint8)
+            shown[plane] = np.where(solid[..., None], normal, 0).astype(np.float32)
         else:
             assert scene is not None
             sky_label = scene.labels.index("sky")
             none = VOID if sky_label is None else scene.labels.disk_ids[sky_label]
             ids = np.array(scene.labels.disk_ids)[found["semantics"].argmax(axis=-1)]
-            pictures[plane] = np.where(solid, ids, none).astype(np.uint8)
-    return pictures
+            shown[plane] = np.where(solid, ids, none).astype(np.uint8)
+    return shown
 
 
 def _levels(values: NDArray[np.floating]) -> NDArray[np.uint8]:

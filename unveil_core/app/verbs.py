@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,17 +14,16 @@ from typing import TYPE_CHECKING
 
 from unveil_core.app.batch import run_batch_part
 from unveil_core.app.check import run_check
-from unveil_core.app.confirming import confirmed
-from unveil_core.app.console import reporting, say
+from unveil_core.app.console import reporting_for, say
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import STAGE_VERBS
-from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.app.runs.whole_run import demo, import_drive, run_all, sample_drive
+from unveil_core.base.errors import SettingsError
 from unveil_core.pipeline.settings import RunSettings
 
 if TYPE_CHECKING:  # the stages' module loads NumPy
     from unveil_core.base.progress import Progress
     from unveil_core.pipeline.stage import Reporter
-    from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["VERBS"]
 
@@ -38,73 +36,11 @@ def _recorded_settings(arguments: argparse.Namespace) -> RunSettings:
     return settings_of(arguments, RunSettings.from_json(recorded))
 
 
-def _sample_drive() -> Path:
-    folder = Path(__file__).resolve().parents[2] / "sample_scenes" / "parked_street"
-    if not (folder / "transforms.json").is_file():
-        raise DriveError("the sample street is not there", path=folder, mend="run the demo from a source checkout")
-    return folder
-
-
-def _demo(arguments: argparse.Namespace) -> int:
-    return _run_and_sum_up(_sample_drive(), arguments)
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    return _run_and_sum_up(arguments.drive, arguments)
-
-
-def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
-    from unveil_core.pipeline.run import run
-
-    until = getattr(arguments, "until", None)
-    replace = getattr(arguments, "replace", False)
-
-    def begun(yes: bool) -> Workspace:
-        with reporting(arguments.json) as reporter:
-            settings = settings_of(arguments)
-            return run(drive, arguments.output, settings, until=until, replace=replace, yes=yes, reporter=reporter)
-
-    workspace = confirmed(arguments, begun)
-    if until in (None, "report"):
-        from unveil_core.report.summary import print_summary
-
-        print_summary(workspace.root, sys.stderr if arguments.json else sys.stdout)
-    return 0
-
-
-def _import(arguments: argparse.Namespace) -> int:
-    from unveil_core.pipeline.run import run
-
-    def begun(yes: bool) -> Workspace:
-        with reporting(arguments.json) as reporter:
-            return run(
-                arguments.drive,
-                arguments.output,
-                settings_of(arguments),
-                until="objects",
-                replace=arguments.replace,
-                yes=yes,
-                reporter=reporter,
-            )
-
-    workspace = confirmed(arguments, begun)
-    if arguments.preview:
-        from unveil_core.drives.imported import read_imported
-        from unveil_core.labelling.preview import write_preview
-
-        pictures = write_preview(read_imported(workspace.drive_dir), workspace.root / "preview")
-        say(
-            f"{len(pictures)} pictures in {workspace.root / 'preview'}",
-            sys.stderr if arguments.json else sys.stdout,
-        )
-    return 0
-
-
 def _stage(arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.run import run_verb
 
     settings = _recorded_settings(arguments)
-    with reporting(arguments.json) as reporter:
+    with reporting_for(arguments) as reporter:
         run_verb(arguments.verb, arguments.workspace, settings, reporter=reporter)
     return 0
 
@@ -116,23 +52,24 @@ def _run_block(arguments: argparse.Namespace) -> int:
 
     space = Workspace.open(arguments.workspace)
     drive = Path(str(space.state().get("drive", "")))
-    with reporting(arguments.json) as reporter:
+    with reporting_for(arguments) as reporter:
         settings = _recorded_settings(arguments)
         run_block(space, stage_named(arguments.stage), arguments.block, settings, drive, reporter=reporter)
     return 0
 
 
 def _status(arguments: argparse.Namespace) -> int:
-    from unveil_core.pipeline.status import stage_states
+    from unveil_core.pipeline.status import explained_states
     from unveil_core.workspace.workspace import Workspace
 
     settings = _recorded_settings(arguments)
-    states = stage_states(Workspace.open(arguments.workspace), settings)
+    states = explained_states(Workspace.open(arguments.workspace), settings)
     if arguments.json:
-        print(json.dumps({"stages": states}))
+        why = {name: found.why for name, found in states.items() if found.why}
+        print(json.dumps({"stages": {name: found.state for name, found in states.items()}, "why": why}))
     else:
-        for name, state in states.items():
-            say(f"{name:<12} {state}")
+        for name, found in states.items():
+            say(f"{name:<12} {found.state}{f' ({found.why})' if found.state == 'stale' else ''}")
     return 0
 
 
@@ -147,7 +84,7 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 
     root = Workspace.open(arguments.workspace).root
     metrics = run_evaluation(root, arguments.truth, lpips=arguments.lpips, fid=arguments.fid)
-    print(json.dumps(metrics, indent=1))
+    print(json.dumps(metrics, indent=None if arguments.json else 1))
     return 0
 
 
@@ -157,7 +94,7 @@ def _check_footage(arguments: argparse.Namespace) -> int:
     for name in ("truth", "fid"):
         if getattr(arguments, name) is not None:
             raise SettingsError(f"--{name} is not used with --holdout-masks", mend="leave one of them out")
-    with reporting(arguments.json) as reporter:
+    with reporting_for(arguments) as reporter:
         found = check_footage(
             arguments.workspace,
             arguments.output,
@@ -176,7 +113,7 @@ def _render(arguments: argparse.Namespace) -> int:
     from unveil_core.app.render_views import render_views
     from unveil_core.workspace.workspace import Workspace
 
-    with reporting(arguments.json) as reporter:
+    with reporting_for(arguments) as reporter:
         views = render_views(
             Workspace.open(arguments.workspace),
             arguments.output,
@@ -195,7 +132,7 @@ def _export(arguments: argparse.Namespace) -> int:
     from unveil_core.app.export import export_results
     from unveil_core.workspace.workspace import Workspace
 
-    with reporting(arguments.json) as reporter:
+    with reporting_for(arguments) as reporter:
         written = export_results(
             Workspace.open(arguments.workspace),
             to=arguments.to,
@@ -242,7 +179,7 @@ def _bench(arguments: argparse.Namespace) -> int:
     from unveil_core.app.bench import run_bench
 
     if arguments.what in ("reconstruction", "pipeline") and arguments.drive is None:
-        arguments.drive = _sample_drive()
+        arguments.drive = sample_drive()
     return run_bench(arguments)
 
 
@@ -258,10 +195,19 @@ def _doctor(arguments: argparse.Namespace) -> int:
     return 0 if found["ok"] else 1
 
 
+def _completion(arguments: argparse.Namespace) -> int:
+    from unveil_core.app.grammar.completion import completion_of
+    from unveil_core.app.parser import command_parser
+
+    script = completion_of(command_parser(), arguments.shell)
+    print(json.dumps({"completion": script}) if arguments.json else script)
+    return 0
+
+
 VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
-    "demo": _demo,
-    "run": _run,
-    "import": _import,
+    "demo": demo,
+    "run": run_all,
+    "import": import_drive,
     "check": run_check,
     **dict.fromkeys(STAGE_VERBS, _stage),
     "status": _status,
@@ -272,5 +218,6 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "bench": _bench,
     "batch": run_batch_part,
     "doctor": _doctor,
+    "completion": _completion,
 }
 """Every verb of the command line, with what it does."""

@@ -15,6 +15,7 @@ from unveil_core.exports.cameras.chan import write_chan
 from unveil_core.exports.cameras.colmap import write_colmap
 from unveil_core.exports.cameras.nerfstudio import write_nerfstudio
 from unveil_core.exports.color import SRGB
+from unveil_core.exports.dataset.layout import write_kitti, write_nuscenes, write_pandaset
 from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.las import write_las
 from unveil_core.exports.mapping.objects import write_objects
@@ -312,6 +313,33 @@ FORMATS: dict[str, ExportFormat] = {
             "exact pixels, half of the colour's resolution, alpha",
             "PyAV",
             modules=("av",),
+            both_states=False,
+        ),
+        ExportFormat(
+            "pandaset",
+            "PandaSet with clean photographs, a copy of its tree by links",
+            "pandaset",
+            write_pandaset,
+            "Unveil's own import",
+            "sweeps, boxes and labels stay as they were; JPEG is compressed again where something was removed",
+            both_states=False,
+        ),
+        ExportFormat(
+            "kitti",
+            "KITTI raw, its odometry or KITTI-360, likewise",
+            "kitti",
+            write_kitti,
+            "Unveil's own import: the delivered pixels",
+            "sweeps, boxes and labels stay as they were",
+            both_states=False,
+        ),
+        ExportFormat(
+            "nuscenes",
+            "nuScenes, likewise, with its tables",
+            "nuscenes",
+            write_nuscenes,
+            "Unveil's own import",
+            "as of pandaset",
             both_states=False,
         ),
         ExportFormat(

@@ -61,6 +61,12 @@ class Camera:
         """(3,) float64 unit viewing direction in the world."""
         return self.world_to_camera[2, :3].copy()
 
+    def moved(self, *, right: float = 0.0, up: float = 0.0, ahead: float = 0.0) -> Camera:
+        """The same camera so many metres (or units) to its right, up and ahead; negative the other way."""
+        pose = self.world_to_camera.copy()
+        pose[:3, 3] -= (right, -up, ahead)
+        return replace(self, world_to_camera=pose)
+
     def resized(self, width: int, height: int) -> Camera:
         """The same view sampled on another pixel grid."""
         sx, sy = width / self.width, height / self.height

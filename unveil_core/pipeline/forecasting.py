@@ -27,7 +27,7 @@ from unveil_core.pipeline.status import stage_states
 from unveil_core.pipeline.steps.import_ import work_side_of
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Expected", "expected_of", "workload_of"]
+__all__ = ["Expected", "expected_of", "expected_of_stages", "workload_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +78,7 @@ def expected_of(
     stages: Sequence[Stage],
     settings: RunSettings,
     tell: Callable[[str], None],
+    place: Path | None = None,
 ) -> Expected | None:
     """The forecast of a run of some stages; None where all of them are up to date.
 
@@ -86,17 +87,30 @@ def expected_of(
 
     Args:
         tell: gets a line before that.
+        place: of the drive; the recorded one by default.
     """
     names = [stage.name for stage in stages]
     if workspace.state().get("stages"):
-        states = stage_states(workspace, settings)
+        states = stage_states(workspace, settings, place)
         names = [name for name in names if states[name] != "done"]
-    if not names:
-        return None
+    return expected_of_stages(drive, placement, names, settings, tell) if names else None
+
+
+def expected_of_stages(
+    drive: Drive,
+    placement: Placement,
+    names: Sequence[str],
+    settings: RunSettings,
+    tell: Callable[[str], None],
+    *,
+    keep: bool = True,
+) -> Expected:
+    """The forecast of stages by name, see :func:`expected_of`; ``keep`` the speed of the machine, where it was measured."""
     machine = this_machine(device=name_of_device(settings.device))
     if not machine.known:
         tell("measuring how fast this machine is")
         machine.speed = measured_seconds() / reference_seconds()
-        machine.save()
+        if keep:
+            machine.save()
     found = forecast(workload_of(localized(drive, placement), settings), names, machine)
     return Expected(found, machine, RunClock(found.seconds))

@@ -10,7 +10,7 @@ from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["check_same_drive"]
+__all__ = ["check_same_drive", "place_of"]
 
 LOOKED_AT = 3
 """Photographs that are compared: the first, the last and one between."""
@@ -27,7 +27,7 @@ def check_same_drive(workspace: Workspace, place: Path, drive: Drive) -> None:
     """
     state = workspace.state()
     recorded = str(state.get("drive", ""))
-    if "input_hash" not in state["stages"].get("import", {}) or _place_of(Path(recorded)) == _place_of(place):
+    if "input_hash" not in state["stages"].get("import", {}) or place_of(Path(recorded)) == place_of(place):
         return
     if Path(recorded).exists() or not _same_photographs(workspace, drive):
         raise WorkspaceError(
@@ -37,8 +37,8 @@ def check_same_drive(workspace: Workspace, place: Path, drive: Drive) -> None:
         )
 
 
-def _place_of(drive: Path) -> Path:
-    """The same for a folder and the transforms.json in it."""
+def place_of(drive: Path) -> Path:
+    """Where a drive lies: the same for a folder and the transforms.json in it."""
     found = drive.resolve()
     return found.parent if found.name == "transforms.json" else found
 

@@ -6,9 +6,10 @@ import shutil
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from unveil_core.base.errors import ConfirmError, InUseError, UnveilError, WorkspaceError
+from unveil_core.base.errors import ConfirmError, InUseError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.kernels.device import check_device
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
@@ -33,7 +34,7 @@ from unveil_core.semantics.labels import choose_labels
 from unveil_core.semantics.too_much import much_removed
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["found_wrong", "run", "run_verb", "stage_named"]
+__all__ = ["Begun", "found_wrong", "look_at", "run", "run_verb", "stage_named"]
 
 
 def stage_named(name: str) -> Stage:
@@ -49,6 +50,7 @@ def run(
     until: str | None = None,
     replace: bool = False,
     yes: bool = False,
+    told: str = "",
     reporter: Reporter = silent,
 ) -> Workspace:
     """Run everything that is missing or changed, from a drive on disk to the report.
@@ -60,6 +62,7 @@ def run(
         until: name of the last stage to run.
         replace: whether a workspace with results of another drive may be given this one.
         yes: go on where a check would have the user confirm it.
+        told: a line about the settings, the first event.
         reporter: receives each event as a dict.
     Raises:
         ConfirmError: the drive is so surely not what it is taken for that somebody must confirm it.
@@ -68,8 +71,68 @@ def run(
         Cancelled: SIGINT or SIGTERM; calling again continues.
     """
     settings = settings or RunSettings()
+    begun = look_at(drive, workspace, settings, until=until, replace=replace, reporter=reporter)
+    findings = begun.findings
+    if findings and findings[0].asks and not yes:
+        raise ConfirmError(
+            findings[0].problem, path=begun.drive.root, mend=f"{findings[0].mend}; --yes goes on all the same"
+        )
+    notices = [*([Notice("import", told)] if told else []), *begun.notices]
+    space = Workspace.create(workspace)
+    try:
+        place = Path(drive).absolute()
+        expected = expected_of(
+            begun.drive, begun.placed, space, begun.stages, settings, lambda line: reporter(_event(line)), place
+        )
+        notices += [] if expected is None else expected.notices(space.root)
+        stages = begun.stages
+        del begun  # the stages read what was imported: two clouds of points of a long drive need not be held
+        run_stages(space, stages, settings, place, notices=notices, expected=expected, reporter=reporter)
+    except InUseError:
+        raise  # whoever works in it goes on with what this call made
+    except UnveilError:
+        # Only what this call made, and while nobody else works in it: two may have begun at once.
+        if space.made:
+            with suppress(WorkspaceError), space.lock():
+                if all(p.name.startswith((".", "workspace.json", "events.jsonl")) for p in space.root.iterdir()):
+                    shutil.rmtree(space.root, ignore_errors=True)
+        raise
+    return space
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A run before its first stage.
+
+    Attributes:
+        drive: as read; placed: its scale and axes; stages: that belong to the run.
+        first: whether there is no workspace yet.
+        findings: what looks wrong with the drive, the worst first; of a first run alone.
+        notices: what is assumed of the drive, as events.
+    """
+
+    drive: Drive
+    placed: Placement
+    stages: tuple[Stage, ...]
+    first: bool
+    findings: tuple[Finding, ...]
+    notices: tuple[Notice, ...]
+
+
+def look_at(
+    drive: str | Path,
+    workspace: str | Path,
+    settings: RunSettings,
+    *,
+    until: str | None = None,
+    replace: bool = False,
+    reporter: Reporter = silent,
+) -> Begun:
+    """Open a drive and check all that can be checked before a run; nothing is written. Arguments and errors as :func:`run`."""
     check_device(settings.device)
     names = [s.name for s in STAGES]
+    if until is not None and until not in names:
+        raise SettingsError(f"Not a stage: {until!r}", mend=f"use one of {', '.join(names)}")
     stages = STAGES[: names.index(until) + 1] if until else STAGES
     check_place(Path(workspace), [Path(drive)])
     opened = open_drive(drive, settings.drive_options)
@@ -91,33 +154,13 @@ def run(
         named_frames(opened.frames, settings.keyframes)
     placed = place_drive(opened, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
     findings = [] if checked is None else found_wrong(opened, placed, settings, checked)
-    if findings and findings[0].asks and not yes:
-        raise ConfirmError(
-            findings[0].problem, path=opened.root, mend=f"{findings[0].mend}; --yes goes on all the same"
-        )
     level = "warning" if placed.surprising else "notice"
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
     notices += [Notice("import", line, "warning") for line in (*opened.notices, *colour_notices(opened.frames))]
     notices += [] if not findings else [_worst(findings)]
     if labels == "nothing" and settings.marked is None:
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))
-    space = Workspace.create(workspace)
-    try:
-        expected = expected_of(opened, placed, space, stages, settings, lambda line: reporter(_event(line)))
-        notices += [] if expected is None else expected.notices(space.root)
-        place = Path(drive).absolute()
-        del opened  # the stages read what was imported: two clouds of points of a long drive need not be held
-        run_stages(space, stages, settings, place, notices=notices, expected=expected, reporter=reporter)
-    except InUseError:
-        raise  # whoever works in it goes on with what this call made
-    except UnveilError:
-        # Only what this call made, and while nobody else works in it: two may have begun at once.
-        if space.made:
-            with suppress(WorkspaceError), space.lock():
-                if all(p.name.startswith((".", "workspace.json", "events.jsonl")) for p in space.root.iterdir()):
-                    shutil.rmtree(space.root, ignore_errors=True)
-        raise
-    return space
+    return Begun(opened, placed, stages, first, tuple(findings), tuple(notices))
 
 
 def found_wrong(drive: Drive, placed: Placement, settings: RunSettings, checked: Checked) -> list[Finding]:

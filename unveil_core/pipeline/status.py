@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,42 +13,89 @@ from unveil_core.pipeline.stage import Stage
 from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["stage_states"]
+__all__ = ["StageState", "explained_states", "stage_states", "stages_not_begun"]
+
+CHANGED = "the drive, a file that is read, or the program has changed"
 
 
-def stage_states(workspace: Workspace, settings: RunSettings | None = None) -> dict[str, str]:
-    """State of each stage, in the order of their dependence; nothing is written.
+@dataclass(frozen=True)
+class StageState:
+    """Attributes:
+    state: "done" (up to date), "stale" (there, but something that it depends on has changed, or will), "running", "failed", or
+        "to do" (also after a cancelled or killed run). What depends on a
+        drive that is gone cannot be determined and counts as done.
+    why: what a run would make it for, in a few words; empty where it is done or runs.
+    """
+
+    state: str
+    why: str = ""
+
+
+def stage_states(
+    workspace: Workspace, settings: RunSettings | None = None, drive: Path | None = None
+) -> dict[str, str]:
+    """State of each stage by name, in the order of their dependence, see :func:`explained_states`."""
+    return {name: found.state for name, found in explained_states(workspace, settings, drive).items()}
+
+
+def explained_states(
+    workspace: Workspace, settings: RunSettings | None = None, drive: Path | None = None
+) -> dict[str, StageState]:
+    """State of each stage and why it is so, by name, in the order of their dependence; nothing is written.
 
     Args:
         workspace: where.
         settings: that a run would have; those recorded by default.
-    Returns:
-        by name of the stage: "done" (up to date), "stale" (there, but something that it depends on has changed, or will),
-        "running", "failed", or "to do" (also after a cancelled or killed run). What depends on a drive that is gone
-        cannot be determined and counts as done.
+        drive: likewise.
     """
     recorded = workspace.state()
     settings = settings or RunSettings.from_json(recorded.get("settings", {}))
-    drive = Path(str(recorded.get("drive", "")))
+    drive = Path(str(recorded.get("drive", ""))) if drive is None else drive
     digests = Digests(workspace)
     running = _in_use(workspace)
-    states: dict[str, str] = {}
-    will_change: set[str] = set()
+    states: dict[str, StageState] = {}
+    will_change: dict[str, str] = {}
     for stage in STAGES:
         entry = recorded.get("stages", {}).get(stage.name, {})
         status = entry.get("status")
         if status == "running" and running:
-            state = "running"
+            found = StageState("running")
         else:
             state = _state_at_rest(stage, workspace, settings, drive, digests, entry)
-            if state == "done" and depends_on(stage.inputs, will_change):
-                state = "stale"
+            after = next((name for output, name in will_change.items() if depends_on(stage.inputs, (output,))), "")
+            state = "stale" if state == "done" and after else state
+            why = ""
+            if state == "to do":
+                why = "not made yet"
+            elif state == "stale":
+                why = _changed(stage, entry, settings) or (f"follows {after}" if after else CHANGED)
             if status == "failed" and state != "done":
-                state = "failed"
-        states[stage.name] = state
-        if state != "done":
-            will_change.update(stage.outputs)
+                state, why = "failed", "failed the last time"
+            found = StageState(state, why)
+        states[stage.name] = found
+        if found.state != "done":
+            will_change.update(dict.fromkeys(stage.outputs, stage.name))
     return states
+
+
+def stages_not_begun(why: str = "not made yet") -> dict[str, StageState]:
+    """The states of a workspace that is still to be made."""
+    return {stage.name: StageState("to do", why) for stage in STAGES}
+
+
+def _changed(stage: Stage, entry: dict[str, Any], settings: RunSettings) -> str:
+    """The settings that are not those that a stage was made with, as ``quality draft -> high``."""
+    before, now = entry.get("settings"), settings.to_json()
+    if not isinstance(before, dict):
+        return ""
+    pairs = ((name, before[name], now[name]) for name in stage.settings if name in before and before[name] != now[name])
+    return ", ".join(f"{name} {_word(old)} -> {_word(new)}" for name, old, new in pairs)
+
+
+def _word(value: object) -> str:
+    if value in (None, [], ()):
+        return "auto"
+    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
 def _state_at_rest(

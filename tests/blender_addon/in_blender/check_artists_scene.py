@@ -252,9 +252,11 @@ def test_drawing_and_pointing_touch_no_disk(addon, scene, workspace, monkeypatch
 
     bpy.ops.unveil.load_workspace(directory=str(workspace))
     bpy.ops.unveil.add_box(class_name="skip")
+    scene.unveil.show_more = True
     panels = [
         addon.module("ui.panel_run").UNVEIL_PT_work,
         addon.module("ui.panel_run").UNVEIL_PT_run,
+        addon.module("ui.panel_run").UNVEIL_PT_reading,
         addon.module("ui.panel_run").UNVEIL_PT_stages,
         addon.module("ui.panel_drive").UNVEIL_PT_drive,
         addon.module("ui.panel_selection").UNVEIL_PT_selection,

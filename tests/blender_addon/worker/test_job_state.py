@@ -127,3 +127,12 @@ def test_which_of_how_many_stages_runs() -> None:
     state.planned = stages_of("reconstruct")
     assert state.place is None  # there is but one
     assert stages_of("import") == ("import", "objects") and stages_of("status") == ()
+
+
+def test_how_the_command_ended_is_no_stage() -> None:
+    state = JobState()
+    state.read(event(message="step"))
+    state.read(event(stage="", level="error", message="no drive", exit_code=2))
+    assert (state.stage, state.message, state.ended, state.error) == ("reconstruct", "step", {}, "")
+    state.read("unveil: error: no drive")
+    assert state.error == "no drive"

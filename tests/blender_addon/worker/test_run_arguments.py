@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import struct
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from blender_addon.formats.table.run_settings import ADVANCED, BASIC, CHOSEN, SHOWN
 from blender_addon.worker.run_arguments import (
     adopt,
     default_workspace,
@@ -18,24 +21,19 @@ from blender_addon.worker.run_arguments import (
 )
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import command_parser
+from unveil_core.pipeline.options.table import TABLE
 from unveil_core.pipeline.settings import RunSettings
 
-PLAIN = {
-    "quality": "standard",
-    "device": "auto",
-    "seed": 0,
-    "shadows": "auto",
-    "sun_azimuth": 0.0,
-    "sun_elevation": 0.5,
-    "movers": "auto",
-    "order": "reverse",
-    "keyframes": "",
-    "inpainter": "exemplar",
-    "reference_inpainter": "",
-    "work_side": 0,
-    "cameras": "",
-    "frames": "",
-}
+PLAIN = {**{s.name: s.start for s in SHOWN}, "sun_azimuth": 0.0, "sun_elevation": 0.5, "made_with": ""}
+EVERYTHING = RunSettings(
+    remove=("vehicle",), instances=(3, 7), marked="/m.json", per_object=("3:grow=4",), corrections="/c.json",
+    shadows="135.123456789,40.5", movers="keep", scene="0061", cameras=("front", "left"), frames="-8:", labels="/labels",
+    instance_maps="/ids", label_classes="ade20k", mask_removes="white", sweeps="2", model="1,2", pose_convention="opencv",
+    scale=0.123456789012, up="-y", poses="given", quality="high", work_side=640, device="cpu", memory="512M", seed=7,
+    iterations=300, splats=9000, sh_degree=0, adapt=False, inpainter="telea", reference_inpainter="/r.onnx", order="forward",
+    keyframes=("3", "0009"), baselines=True,
+)  # fmt: skip
+"""No setting has its default but those that the others exclude."""
 
 
 @pytest.mark.parametrize(
@@ -91,14 +89,55 @@ def test_a_choice_replaces_the_one_before(chosen: list[str], goes: tuple[object,
         name: expected[name] for name in ("corrections", "per_object")
     }
     assert "/old.json" not in given.values() and given["per_object"] != ["9:grow=1"]
-    assert selection_arguments([]) == []
+    anything = settings_of(command_parser().parse_args(["choose", "ws", *selection_arguments([])]), before)
+    assert anything == RunSettings()
 
 
-def test_nothing_recorded_before_comes_through() -> None:
-    """Every setting that the panel has is said, whatever a workspace has recorded."""
-    chosen = selection_arguments(["--remove", "car"])
-    options = [*settings_arguments(SimpleNamespace(**PLAIN)), *chosen]
-    assert {o[2:].replace("-", "_") for o in options[::2]} == set(recorded(SimpleNamespace(**PLAIN), chosen))
+def test_the_table_is_that_of_the_command() -> None:
+    rows = {s.name: s for s in TABLE}
+    assert [s.name for s in SHOWN] == [n for n in rows if n not in CHOSEN] and set(CHOSEN) <= set(rows)
+    assert all((rows[s.name].option, rows[s.name].expert) == (s.option, s.expert) for s in SHOWN)
+    assert {s.name for s in BASIC} & {s.name for s in ADVANCED} == set() and len(BASIC) + len(ADVANCED) == len(SHOWN)
+    assert recorded(SimpleNamespace(**PLAIN), selection_arguments([])) == RunSettings().to_json()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        RunSettings(),
+        EVERYTHING,
+        replace(
+            EVERYTHING, labels=None, segmenter="/net.onnx", scale=None, camera_height=1.4, shadows="off", sh_degree=3
+        ),
+    ],
+)
+def test_no_setting_of_a_workspace_is_lost(settings: RunSettings) -> None:
+    """Opened in Blender and run again, whatever was recorded before: the same settings, to the last digit."""
+    panel = SimpleNamespace(**PLAIN)
+    adopt(panel, settings.to_json())
+    for name, value in vars(panel).items():
+        if isinstance(value, float):  # as Blender keeps it
+            setattr(panel, name, struct.unpack("f", struct.pack("f", value))[0])
+    chosen = [
+        word
+        for name, value in (
+            ("--remove", ",".join(settings.remove)),
+            ("--instances", ",".join(map(str, settings.instances))),
+            ("--marked", settings.marked),
+            ("--per-object", ",".join(settings.per_object)),
+            ("--corrections", settings.corrections),
+        )
+        if value
+        for word in (name, value)
+    ]
+    options = [*settings_arguments(panel), *selection_arguments(chosen)]
+    before = RunSettings(quality="draft", seed=99, iterations=20, remove=("bus",), up="x", mask_removes="black")
+    for known in (before, EVERYTHING):
+        assert settings_of(command_parser().parse_args(["run", "d", "-o", "w", *options]), known) == settings
+    assert recorded(panel, selection_arguments(chosen)) == settings.to_json()
+    if settings.scale is not None:  # a number that somebody changes is his
+        panel.scale = 0.5
+        assert recorded(panel)["scale"] == 0.5
 
 
 def test_where_results_go_if_nobody_says() -> None:
@@ -128,12 +167,23 @@ def test_what_a_workspace_was_made_with_is_taken_over(changed: dict[str, object]
 
 
 @pytest.mark.parametrize(
-    "told", [{"seed": "3"}, {"quality": 3}, {"shadows": "1,2,3"}, {"keyframes": [3]}, {"frames": 7}, {"x": 1}]
+    "told",
+    [
+        {"seed": "3"},
+        {"quality": 3},
+        {"adapt": 1},
+        {"scale": True},
+        {"sweeps": None},
+        {"shadows": "1,2,3"},
+        {"keyframes": [3]},
+        {"frames": 7},
+        {"x": 1},
+    ],
 )
 def test_what_is_no_setting_is_left_aside(told: dict[str, object]) -> None:
     found = SimpleNamespace(**PLAIN)
     adopt(found, told)
-    assert vars(found) == PLAIN
+    assert {**vars(found), "made_with": ""} == PLAIN
 
 
 def test_another_drive_is_told_from_the_same_one(tmp_path: Path) -> None:

@@ -1,0 +1,116 @@
+"""``unveil run``, ``import`` and ``demo``: a run keeps the settings of its workspace, but for those given."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from unveil_core.app.confirming import confirmed
+from unveil_core.app.console import reporting_for, say
+from unveil_core.app.given_settings import given_settings
+from unveil_core.base.errors import DriveError
+from unveil_core.pipeline.options.given import settings_over
+
+if TYPE_CHECKING:  # loads NumPy
+    from unveil_core.pipeline.options.kept import Kept
+    from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["demo", "import_drive", "run_all", "sample_drive"]
+
+
+def sample_drive() -> Path:
+    """The sample street of a source checkout."""
+    folder = Path(__file__).resolve().parents[3] / "sample_scenes" / "parked_street"
+    if not (folder / "transforms.json").is_file():
+        raise DriveError("the sample street is not there", path=folder, mend="run the demo from a source checkout")
+    return folder
+
+
+def demo(arguments: argparse.Namespace) -> int:
+    """Unveil the sample street."""
+    return _run_and_sum_up(sample_drive(), arguments)
+
+
+def run_all(arguments: argparse.Namespace) -> int:
+    """From a drive to the report."""
+    return _run_and_sum_up(arguments.drive, arguments)
+
+
+def import_drive(arguments: argparse.Namespace) -> int:
+    """The first stages: the drive, and what can be removed."""
+    if arguments.dry_run:
+        return _plan(arguments.drive, arguments, "objects")
+    workspace = _run(arguments.drive, arguments, "objects")
+    if arguments.preview:
+        from unveil_core.drives.imported import read_imported
+        from unveil_core.labelling.preview import write_preview
+
+        pictures = write_preview(read_imported(workspace.drive_dir), workspace.root / "preview")
+        say(f"{len(pictures)} pictures in {workspace.root / 'preview'}", sys.stderr if arguments.json else sys.stdout)
+    return 0
+
+
+def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
+    until = getattr(arguments, "until", None)
+    if arguments.dry_run:
+        return _plan(drive, arguments, until)
+    workspace = _run(drive, arguments, until)
+    if until in (None, "report") and not arguments.quiet:
+        from unveil_core.report.summary import print_summary
+
+        print_summary(workspace.root, sys.stderr if arguments.json else sys.stdout)
+    return 0
+
+
+def _run(drive: Path, arguments: argparse.Namespace, until: str | None) -> Workspace:
+    from unveil_core.pipeline.run import run
+
+    kept = _kept(drive, arguments)
+    settings = settings_over(kept.settings, given_settings(arguments))
+    replace = getattr(arguments, "replace", False)
+
+    def begun(yes: bool) -> Workspace:
+        with reporting_for(arguments) as reporter:
+            return run(
+                drive,
+                arguments.output,
+                settings,
+                until=until,
+                replace=replace,
+                yes=yes,
+                told=kept.message,
+                reporter=reporter,
+            )
+
+    return confirmed(arguments, begun)
+
+
+def _plan(drive: Path, arguments: argparse.Namespace, until: str | None) -> int:
+    from unveil_core.pipeline.dry_run import plan_run
+
+    kept = _kept(drive, arguments)
+    settings = settings_over(kept.settings, given_settings(arguments))
+    replace = getattr(arguments, "replace", False)
+    plan = plan_run(
+        drive, arguments.output, settings, until=until, replace=replace, tell=lambda line: say(line, sys.stderr)
+    )
+    if arguments.json:
+        print(json.dumps({"plan": plan.to_json(settings)}))
+    else:
+        say("\n".join([*([kept.message] if kept.message else []), *plan.lines()]))
+    return 0
+
+
+def _kept(drive: Path, arguments: argparse.Namespace) -> Kept:
+    from unveil_core.pipeline.options.kept import kept_settings
+
+    return kept_settings(
+        arguments.output,
+        drive,
+        given_settings(arguments),
+        reset=arguments.reset,
+        replace=getattr(arguments, "replace", False),
+    )
