@@ -96,7 +96,11 @@ def test_folders_that_do_without_blender(folder: str) -> None:
     assert MAY_IMPORT[folder] <= set(WITHOUT_BLENDER)  # what they import does without it, too
     for path in paths:
         assert not {module.split(".")[0] for level, module, _ in imported(path) if level == 0} & BLENDERS, path.name
-    modules = [".".join(("blender_addon", folder, path.stem)) for path in paths if path.stem != "__init__"]
+    modules = [
+        ".".join(("blender_addon", *path.relative_to(ADDON).with_suffix("").parts))
+        for path in paths
+        if path.stem != "__init__"
+    ]
     program = f"""
 import importlib, sys
 sys.modules.update(dict.fromkeys({sorted(BLENDERS)}))

@@ -213,6 +213,7 @@ class Drive:
         frame_rate: of its cameras, frames a second, from their time stamps; None where they have none. Set by import.
         key_frames: names of the annotated frames, where a dataset distinguishes them; None = all.
         pose_convention: in which the poses of its files were read, one of ``base.drive_options.POSE_CONVENTIONS``.
+        keeps_origin: its origin stays that of its files, for a scene that they were made in and that results go back to.
     """
 
     root: Path
@@ -232,6 +233,7 @@ class Drive:
     frame_rate: float | None = None
     key_frames: frozenset[str] | None = None
     pose_convention: str = "opencv"
+    keeps_origin: bool = False
 
 
 def tracks(drive: Drive) -> list[list[int]]:
