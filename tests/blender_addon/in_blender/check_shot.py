@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
+import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -180,3 +183,41 @@ def test_it_is_imported_to_the_same_place(scene, tmp_path: Path) -> None:
     np.testing.assert_allclose(poses(own)[:, :3, :3], true[:, :3, :3], atol=1e-4)
     points = next(o for o in bpy.data.objects if o.name.startswith("Points"))
     assert points["unveil_points"] == 341
+
+
+def test_a_chan_of_the_camera_is_the_same_drive(scene, tmp_path: Path) -> None:
+    """Written as Nuke does, y up: the core reads the cameras that Use This Shot makes."""
+    import bpy
+    from mathutils import Matrix
+
+    first = write_plates(tmp_path / "plates")
+    set_range(scene)
+    camera = moving_camera(scene)
+    behind(camera, first)
+    ground(scene)
+    drive = use_shot(tmp_path / "shot")
+    y_up = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
+    fov = math.degrees(2 * math.atan(SIZE[1] / 2 / FOCAL))
+    lines = []
+    for frame, matrix in zip(range(FIRST, FIRST + COUNT), poses(camera), strict=True):
+        turned = y_up @ Matrix(matrix.tolist())
+        angles = turned.to_euler("ZXY")
+        numbers = (*turned.translation, *(math.degrees(a) for a in angles), fov)
+        lines.append(f"{frame} " + " ".join(f"{v:.8f}" for v in numbers))
+    (tmp_path / "cam.chan").write_text("\n".join(lines) + "\n")
+    program = (
+        "import sys, json, numpy as np; from unveil_core.drives.formats.registry import open_drive as o;"
+        "print(json.dumps([[f.image_path.name, f.camera.world_to_camera.tolist(), f.camera.fx, f.camera.fy]"
+        " for f in o(sys.argv[1]).frames]))"
+    )
+    command = [os.environ["UNVEIL_PYTHON"], "-c", program]
+    of_chan, of_shot = (
+        json.loads(subprocess.run([*command, str(tmp_path / name)], check=True, capture_output=True).stdout)
+        for name in ("cam.chan", "shot")
+    )
+    assert len(of_chan) == COUNT == len(drive["frames"])
+    for one, other in zip(of_chan, of_shot, strict=True):
+        assert one[0] == other[0]
+        np.testing.assert_allclose(np.array(one[1]) @ np.array(y_up), other[1], atol=1e-4)
+        assert one[2:] == pytest.approx(other[2:], rel=1e-4)
+    assert bpy.context.scene.camera == camera
