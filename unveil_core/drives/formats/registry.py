@@ -20,6 +20,7 @@ from unveil_core.drives.formats.colmap.reader import read_colmap
 from unveil_core.drives.formats.guard import guarded, with_guarded_readers
 from unveil_core.drives.formats.nerfstudio.parts import has_transforms
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
+from unveil_core.drives.formats.plates import with_plates
 from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_gaussians
 from unveil_core.drives.formats.shot import reader as shot
 from unveil_core.drives.formats.shot.described import FILE as SHOT
@@ -229,7 +230,7 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
     drive = in_seconds(with_file_names(drive))
     part = select_part(_in_order(drive, kind), options)
-    part = part if kind.read is _read_workspace else with_sizes_of_pictures(part)
+    part = part if kind.read is _read_workspace else with_plates(with_sizes_of_pictures(part))
     return with_labels(part, options, imported=kind.read is _read_workspace)
 
 
