@@ -35,6 +35,8 @@ STEP_M = 0.1
 """Length along the street by whose pictures it is told how foreshortened a facade is, metres."""
 DARKEST = 0.02
 """Level, of 1, that is added to both sides of a ratio of light: in black, noise is no light."""
+AROUND_PX = 3
+"""Pixels around a position that tell its colour."""
 ENCODED = PlateColours("srgb")
 """Of footage that is no plate."""
 RATIOS = (0.3, 4.0)
@@ -289,9 +291,18 @@ def _seen_in(
     some = some[seen]
     if len(some):
         pixels, _ = footage_positions(drive.lenses[j], points[some])
-        found[some] = as_color(sample_at(drive.footage(j), pixels, cv2.INTER_CUBIC)[None])[0]
+        found[some] = _sampled(drive.footage(j), pixels)
         finer[some] = size[some] / (depth / drive.views.cameras[j].fx)
     return found, finer
+
+
+def _sampled(picture: NDArray[Any], pixels: Float64) -> Float32:
+    """(N, 3) colours of a file's picture at positions (N, 2), not rounded to its levels."""
+    height, width = picture.shape[:2]
+    low = np.clip(np.floor(pixels.min(axis=0)).astype(int) - AROUND_PX, 0, (width - 1, height - 1))
+    high = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + AROUND_PX, 1, (width, height))
+    part = as_color(picture[low[1] : max(high[1], low[1] + 1), low[0] : max(high[0], low[0] + 1)])
+    return sample_at(part, pixels - low, cv2.INTER_CUBIC)
 
 
 def in_exposure(colors: NDArray[np.float32], there: Exposure, here: Exposure) -> NDArray[np.float32]:

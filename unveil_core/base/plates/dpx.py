@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import DriveError
-from unveil_core.base.plates.library import openimageio
+from unveil_core.base.plates.library import dpx_library
 from unveil_core.base.plates.plate import COPY, Plate, PlateFacts, checked_facts
 
 __all__ = ["dpx_facts", "read_dpx"]
@@ -41,7 +41,7 @@ def read_dpx(path: Path) -> Plate:
     Raises:
         DriveError: see :func:`dpx_facts`; or it has other values than whole numbers of red, green and blue, or grey.
     """
-    oiio, source = openimageio(path), _opened(path)
+    oiio, source = dpx_library(path), _opened(path)
     try:
         spec = oiio.ImageSpec(source.spec())
         facts = _facts(spec, path)
@@ -65,7 +65,7 @@ def read_dpx(path: Path) -> Plate:
 
 
 def _store(source: Path, target: Path, spec: Any, pixels: NDArray[Any]) -> None:
-    oiio, own = openimageio(source), read_bytes(source)
+    oiio, own = dpx_library(source), read_bytes(source)
     written = oiio.ImageSpec(spec)
     written["oiio:Endian"] = "little" if own[:4] == b"XPDS" else "big"
     output = oiio.ImageOutput.create("dpx")
@@ -87,7 +87,7 @@ def _with_header_of(own: bytes, new: bytes) -> bytes:
 
 
 def _opened(path: Path) -> Any:
-    oiio = openimageio(path)
+    oiio = dpx_library(path)
     source = oiio.ImageInput.open(str(path))
     if source is None or source.format_name() != "dpx":
         problem = (oiio.geterror() or "it is damaged") if source is None else f"it is named {path.suffix}"

@@ -9,7 +9,7 @@ from typing import Any
 from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import DriveError
 
-__all__ = ["PLATES", "kind_of", "openimageio"]
+__all__ = ["PLATES", "kind_of", "dpx_library"]
 
 PLATES = (".exr", ".dpx")
 """Suffixes of plates."""
@@ -28,7 +28,7 @@ def kind_of(path: Path) -> str | None:
         return MAGIC.get(stream.read(4))
 
 
-def openimageio(path: Path) -> Any:
+def dpx_library(path: Path) -> Any:
     """OpenImageIO.
 
     Args:
