@@ -123,8 +123,8 @@ def test_kernels_are_compiled_in_one_way() -> None:
 
 
 def test_pictures_are_decoded_in_one_place() -> None:
-    """``base/pictures/decoding`` says why: what it has not looked at never reaches a decoder. Plates have theirs in ``base/plates``,
-    which look at the header first. Movies are written, never read."""
+    """``base/pictures/decoding`` says why: what it has not looked at never reaches a decoder. Plates have theirs, ``base/plates``,
+    where the header is looked at first. Movies are written, never read."""
     decoders = (
         r"\bim(?:read|decode)(?:multi|animation|count)?\b|VideoCapture|Image\.open|ImageFile|InputFile|imageio|skimage\.io|"
         r"ImageInput|torchvision|\bcv2\.dnn\b|av\.open\([^)]*[\"']r[\"']|jpeg_decode|optflow.*read|FileStorage|\bimport_module\(.cv2"

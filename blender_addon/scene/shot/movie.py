@@ -14,13 +14,12 @@ from .camera import ShotError
 __all__ = ["extracted"]
 
 
-def extracted(
-    movie: Path, folder: Path, numbers: Sequence[int], frames: Sequence[int], size: tuple[int, int]
-) -> list[Path]:
+def extracted(movie: Path, folder: Path, frames: Sequence[int], shift: int, size: tuple[int, int]) -> list[Path]:
     """Write pictures of a movie, 8-bit PNGs of its own size and colours; what is there of a movie of this time stays.
 
     Args:
-        numbers: of its pictures, from 1; frames: by which the files are named, as ``1001.png``.
+        frames: of the timeline, one after the other, by which the files are named, as ``1001.png``.
+        shift: number of the movie's picture, from 1, less the frame that shows it.
     Returns:
         the files.
     Raises:
@@ -35,21 +34,22 @@ def extracted(
     try:
         _set_up(scene, size)
         try:
-            strip = versions.strips_of(scene).new_movie("movie", str(movie), 1, 1)
+            strip = versions.strips_of(scene).new_movie("movie", str(movie), 1, 1 - shift)
         except RuntimeError as error:
             raise ShotError(f"{movie}: Blender cannot read it: convert it to a picture sequence") from error
-        last = max(numbers)
+        if strip.fps > 0:  # else pictures would be left out or doubled, to keep pace with the scene
+            scene.render.fps = max(round(strip.fps), 1)
+            scene.render.fps_base = scene.render.fps / strip.fps
+        last = frames[-1] + shift
         if strip.frame_duration < last:
             raise ShotError(
                 f"{movie}: has {strip.frame_duration} pictures, and the frame range asks for number {last}: "
                 "set the frame range to the clip's, or correct its start frame"
             )
-        scene.render.use_overwrite = True
-        for number, file in zip(numbers, files, strict=True):
-            scene.frame_start = scene.frame_end = number
-            scene.frame_set(number)
-            scene.render.filepath = str(file)
-            bpy.ops.render.render(write_still=True, scene=scene.name)
+        # One picture after the other as Blender plays them: what is asked for by itself may be the one shown before.
+        scene.frame_start, scene.frame_end = frames[0], frames[-1]
+        scene.render.use_overwrite, scene.render.filepath = True, str(folder / "####")
+        bpy.ops.render.render(animation=True, scene=scene.name)
     finally:
         bpy.data.scenes.remove(scene)
     lost = next((f for f in files if not f.is_file()), None)

@@ -83,8 +83,7 @@ def _pictures(background: Background, frames: range, folder: Path) -> tuple[dict
             raise ShotError(
                 f"{background.name} shows nothing in frames {frames[0]} to {frames[-1]}: set the frame range"
             )
-        numbers = [f + plates.shift for f in inside]
-        files = extracted(plates.first, folder / "images", numbers, inside, background.size)
+        files = extracted(plates.first, folder / "images", inside, plates.shift, background.size)
         return dict(zip(inside, files, strict=True)), []
     found = {f: file for f in frames if (file := plates.file(f)) is not None and file.is_file()}
     if not found:
