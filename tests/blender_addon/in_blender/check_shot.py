@@ -161,11 +161,12 @@ def test_what_cannot_be_used_is_told(scene, tmp_path: Path) -> None:
     assert not (tmp_path / "shot").exists()
 
 
-def test_it_is_imported_to_the_same_place(scene, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["png", "exr"])
+def test_it_is_imported_to_the_same_place(scene, tmp_path: Path, kind: str) -> None:
     """The same frames, far from the origin, in centimetres; nothing of the scene is changed."""
     import bpy
 
-    first = write_plates(tmp_path / "plates")
+    first = write_plates(tmp_path / "plates", kind=kind)
     set_range(scene)
     scene.unit_settings.scale_length = 0.01
     camera = moving_camera(scene)
@@ -183,6 +184,8 @@ def test_it_is_imported_to_the_same_place(scene, tmp_path: Path) -> None:
     np.testing.assert_allclose(poses(own)[:, :3, :3], true[:, :3, :3], atol=1e-4)
     points = next(o for o in bpy.data.objects if o.name.startswith("Points"))
     assert points["unveil_points"] == 341
+    (plate,) = (b for b in own.data.background_images if b.image is not None)
+    assert plate.image.filepath.endswith(f".{kind}") and plate.image_user.frame_start == FIRST
 
 
 def test_a_chan_of_the_camera_is_the_same_drive(scene, tmp_path: Path) -> None:

@@ -10,22 +10,25 @@ import numpy as np
 FIRST, COUNT, SIZE = 1001, 6, (128, 80)
 
 
-def write_plates(folder: Path, first: int = FIRST, count: int = COUNT, size: tuple[int, int] = SIZE) -> Path:
-    """Numbered PNGs that differ; returns the first."""
+def write_plates(
+    folder: Path, first: int = FIRST, count: int = COUNT, size: tuple[int, int] = SIZE, kind: str = "png"
+) -> Path:
+    """Numbered pictures that differ, PNG or EXR; returns the first."""
     import bpy
 
     folder.mkdir(parents=True)
     for k in range(count):
-        image = bpy.data.images.new("plate", *size)
+        image = bpy.data.images.new("plate", *size, float_buffer=kind == "exr")
         picture = np.ones((size[1], size[0], 4), np.float32)
         picture[..., 0] = np.linspace(0, 1, size[0])
         picture[..., 1] = (k + 1) / count
         picture[: size[1] // 2, :, 2] = 0.2
         image.pixels.foreach_set(picture.ravel())
-        image.filepath_raw, image.file_format = str(folder / f"plate.{first + k}.png"), "PNG"
+        image.filepath_raw = str(folder / f"plate.{first + k}.{kind}")
+        image.file_format = {"png": "PNG", "exr": "OPEN_EXR"}[kind]
         image.save()
         bpy.data.images.remove(image)
-    return folder / f"plate.{first}.png"
+    return folder / f"plate.{first}.{kind}"
 
 
 def set_range(scene, size: tuple[int, int] = SIZE, base: float = 1.001) -> None:  # type: ignore[no-untyped-def]

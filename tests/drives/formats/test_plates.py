@@ -124,3 +124,12 @@ def test_plates_beside_pictures_of_eight_bits_make_the_same_drive(tmp_path: Path
 
     for one, other in zip(worked(of_plates, "one"), worked(of_pictures, "other"), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_pixels_of_plates_may_be_wide(tmp_path: Path) -> None:
+    """An anamorphic plate: its header tells the lens of a .chan, unless shot.json does."""
+    drive = open_drive(shot(tmp_path, "exr"))  # PixelAspectRatio 2
+    assert drive.frames[0].camera.fx == pytest.approx(drive.frames[0].camera.fy / 2)
+    (tmp_path / "shot.json").write_text('{"pixel_aspect": 1.0}')
+    camera = open_drive(tmp_path).frames[0].camera
+    assert camera.fx == pytest.approx(camera.fy)

@@ -5,6 +5,8 @@ Where the compression loses something the file is written without loss: packing 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +36,9 @@ def exr_facts(path: Path) -> PlateFacts:
     Raises:
         DriveError: it cannot be read, is deep, or has no picture in colour or grey.
     """
-    parts = _parts(path, header_only=True)
-    return _facts(parts, _picture(parts, path)[0], path)
+    with _readable(path):
+        parts = _parts(path, header_only=True)
+        return _facts(parts, _picture(parts, path)[0], path)
 
 
 def read_exr(path: Path) -> Plate:
@@ -44,6 +47,11 @@ def read_exr(path: Path) -> Plate:
     Raises:
         DriveError: see :func:`exr_facts`; or its pixels cannot be read.
     """
+    with _readable(path):
+        return _read(path)
+
+
+def _read(path: Path) -> Plate:
     parts = _parts(path, header_only=True)
     part, layer = _picture(parts, path)
     facts = _facts(parts, part, path)
@@ -91,14 +99,20 @@ def _store(
         ) from error
 
 
-def _parts(path: Path, *, header_only: bool) -> list[Any]:
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """What the library raises for damaged files, of several kinds, in one line; also for what their headers hold."""
     try:
-        found = list(OpenEXR.File(str(path), separate_channels=True, header_only=header_only).parts)
-    except MemoryError:
+        yield
+    except (MemoryError, DriveError):
         raise
-    except Exception as error:  # the library raises several kinds for damaged files
+    except Exception as error:
         problem = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DriveError(f"cannot be read: {problem}", path=path, mend=COPY) from error
+
+
+def _parts(path: Path, *, header_only: bool) -> list[Any]:
+    found = list(OpenEXR.File(str(path), separate_channels=True, header_only=header_only).parts)
     if not found:  # the library says no more of a file that is cut short
         raise DriveError("is damaged or cut short", path=path, mend=COPY)
     return found

@@ -15,7 +15,7 @@ MOST_NAMES = 2000
 """Of a folder's entries, that are looked at."""
 ARCHIVES = (".zip", ".tgz", ".tar", ".tar.gz", ".7z", ".rar", ".tar.xz")
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".insv", ".360")
-PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".heic", ".webp", ".dng")
+PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".heic", ".webp", ".dng", ".exr", ".dpx")
 BY_BLENDER = (".abc", ".fbx", ".usd", ".usda", ".usdc", ".usdz", ".blend")
 """Scenes with a camera that Blender opens or imports."""
 BY_COLMAP = "make poses and points with COLMAP, or with ns-process-data of nerfstudio, and give that folder"

@@ -108,7 +108,8 @@ def _exposed(colours: PlateColours, seen: list[Frame]) -> PlateColours:
 
 
 def _some_light(colours: PlateColours, frame: Frame) -> Float64:
-    values = read_plate(frame.image_path).values[::STEP, ::STEP].reshape(-1, 3)
+    size = (frame.camera.width, frame.camera.height)
+    values = read_plate(frame.image_path, size).values[::STEP, ::STEP].reshape(-1, 3)
     light = colours.light(values)
     return light[np.isfinite(light).all(axis=1)].ravel()
 

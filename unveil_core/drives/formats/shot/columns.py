@@ -101,9 +101,9 @@ def _lens(zoom: float | None, said: Described, path: Path) -> LensOf:
             f"does not tell {lacks}", path=where, mend='set "focal_mm" and "sensor_mm" in shot.json beside it'
         )
 
-    def lens(size: tuple[int, int]) -> Lens:
+    def lens(size: tuple[int, int], pixel_aspect: float) -> Lens:
         width, height = size
-        aspect = said.pixel_aspect or 1.0
+        aspect = said.pixel_aspect or pixel_aspect
         if kind == "vertical_fov":
             fy = height / (2 * math.tan(math.radians(zoom or 0.0) / 2))
             fx = fy / aspect

@@ -89,7 +89,7 @@ def _text(value: object) -> str:
 
 def _positive(value: Any) -> float:
     found = float(value)
-    if isinstance(value, bool | str) or not 0 < found < MOST_NUMBER:
+    if isinstance(value, bool | str) or not 1 / MOST_NUMBER < found < MOST_NUMBER:
         raise ValueError
     return found
 

@@ -78,7 +78,7 @@ def read_metashape(path: Path) -> CameraPath:
 
 def _fixed(lens: Lens) -> LensOf:
     """A lens that is the file's own, whatever size the pictures have: where they were reduced, they tell so."""
-    return lambda _: lens
+    return lambda size, aspect: lens
 
 
 def _numbers(text: str | None, path: Path, what: str) -> list[float]:
@@ -118,7 +118,10 @@ def _lens(sensor: ElementTree.Element | None, path: Path) -> Lens:
         values = _numbers(found.findtext(name), path, name)
         return values[0] if values else 0.0
 
-    width, height = int(size.get("width", 0)), int(size.get("height", 0))
+    try:
+        width, height = int(size.get("width", 0)), int(size.get("height", 0))
+    except ValueError as error:
+        raise DriveError("a sensor has a size that is none", path=path, mend=MEND) from error
     focal = number("f")
     if min(width, height) < 1 or not 0 < focal < np.inf:
         raise DriveError("a sensor has no size or focal length", path=path, mend=MEND)

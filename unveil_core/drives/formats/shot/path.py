@@ -27,8 +27,8 @@ class Lens:
     distortion: Distortion | None = None
 
 
-LensOf = Callable[[Size], Lens]
-"""The lens of plates of a size."""
+LensOf = Callable[[Size, float], Lens]
+"""The lens of plates of a size, whose pixels are so many times as wide as high."""
 
 
 @dataclass(frozen=True, eq=False)

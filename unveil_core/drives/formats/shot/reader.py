@@ -11,8 +11,12 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
+from unveil_core.base.plates.files import plate_facts
+from unveil_core.base.plates.library import PLATES
 from unveil_core.drives.checks.conventions import pose_in
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.formats.cameras import picture_size
@@ -81,7 +85,7 @@ def read_shot(path: Path) -> Drive:
         path = _named_path(path, said)
     found = READERS[path.suffix.lower()](path, said)
     matched = _matched(path, said, found)
-    frames = _frames(found, matched, said)
+    frames = _frames(found, matched, said, path)
     frames, masked = with_masks_beside(
         frames, path.parent, frames[0].image_path.parent, "a transforms.json with mask_path", usual=True
     )
@@ -123,15 +127,19 @@ def _matched(path: Path, said: Described, found: CameraPath) -> Matched:
     return by_number([f.number or 0 for f in found.frames], sequence_of(path, said), said, path)
 
 
-def _frames(found: CameraPath, matched: Matched, said: Described) -> list[Frame]:
-    sizes: dict[tuple[Path, str], tuple[int, int]] = {}
+def _frames(found: CameraPath, matched: Matched, said: Described, path: Path) -> list[Frame]:
+    sizes: dict[tuple[Path, str], tuple[tuple[int, int], float]] = {}
     frames = []
     for i, picture in sorted(matched.pictures.items()):
         entry = found.frames[i]
         kind = (picture.parent, picture.suffix)
         if kind not in sizes:
-            sizes[kind] = picture_size(picture)
-        lens = entry.lens(sizes[kind])
+            sizes[kind] = _size_and_aspect(picture)
+        lens = entry.lens(*sizes[kind])
+        if not (
+            np.isfinite((*lens.focal, *lens.centre)).all() and min(lens.focal) > 0 and np.isfinite(entry.pose).all()
+        ):
+            raise DriveError(f"frame {entry.number or entry.name} makes no camera", path=path, mend="export it again")
         camera = Camera(*lens.size, *lens.focal, *lens.centre, pose_in(entry.pose, found.convention))
         bent = lens.distortion
         frames.append(
@@ -145,6 +153,14 @@ def _frames(found: CameraPath, matched: Matched, said: Described) -> list[Frame]
             )
         )
     return _with_own_names(frames)
+
+
+def _size_and_aspect(picture: Path) -> tuple[tuple[int, int], float]:
+    """Of plates, as their headers have it; pixels of other pictures are square."""
+    if picture.suffix.lower() in PLATES:
+        facts = plate_facts(picture)
+        return facts.size, facts.pixel_aspect
+    return picture_size(picture), 1.0
 
 
 def _time(number: int | None, said: Described) -> float | None:

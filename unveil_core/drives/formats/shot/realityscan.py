@@ -64,7 +64,7 @@ def read_realityscan(path: Path) -> CameraPath:
 
 
 def _lens(n: dict[str, float]) -> LensOf:
-    def lens(size: tuple[int, int]) -> Lens:
+    def lens(size: tuple[int, int], _: float) -> Lens:
         pixels = max(size) / FILM_MM
         bent = Distortion("OPENCV", (n["k1"], n["k2"], n["t1"], n["t2"], n["k3"], 0.0, 0.0, 0.0))
         centre = size[0] / 2 + n["px"] * pixels, size[1] / 2 + n["py"] * pixels
