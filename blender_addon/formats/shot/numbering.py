@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["Plates", "clip_plates", "image_plates", "numbered_name"]
+__all__ = ["Plates", "clip_plates", "image_plates", "number_in", "numbered_name", "numbers_like"]
 
 LAST_NUMBER = re.compile(r"(.*?)([0-9]+)([^0-9]*)", re.DOTALL)
 """Of a file's stem: what stands before its last number, that, and what stands behind."""
@@ -26,6 +26,22 @@ def numbered_name(name: str, number: int) -> str:
     if found is None:
         return name
     return f"{found[1]}{number:0{len(found[2])}d}{found[3]}{dot}{suffix}"
+
+
+def number_in(path: Path) -> int | None:
+    """The last number of a file's stem; None where it has none."""
+    found = LAST_NUMBER.fullmatch(path.stem)
+    return int(found[2]) if found else None
+
+
+def numbers_like(path: Path) -> list[int]:
+    """Numbers of the files beside one that are of its sequence, rising; its own among them where it is there.
+
+    Raises:
+        OSError: its folder cannot be listed.
+    """
+    found = (number_in(p) for p in path.parent.iterdir() if p.suffix == path.suffix)
+    return sorted(n for n in set(found) if n is not None and path.with_name(numbered_name(path.name, n)).is_file())
 
 
 @dataclass(frozen=True)
@@ -58,12 +74,11 @@ def clip_plates(first: Path, start: int, offset: int) -> Plates:
     Args:
         first: its file; start: frame of the timeline that shows that; offset: files that are skipped.
     """
-    found = LAST_NUMBER.fullmatch(first.stem)
-    number = int(found[2]) if found else 0
-    return Plates(first, number - start + offset, still=found is None)
+    number = number_in(first)
+    return Plates(first, (number or 0) - start + offset, still=number is None)
 
 
 def image_plates(first: Path, start: int, duration: int, offset: int) -> Plates:
     """Of an image: ``offset`` is what is added to the count of frames, 1 at ``start``, for the number of a file."""
-    found = LAST_NUMBER.fullmatch(first.stem)
-    return Plates(first, 1 - start + offset, (start, start + max(duration, 1) - 1), still=found is None)
+    still = number_in(first) is None
+    return Plates(first, 1 - start + offset, (start, start + max(duration, 1) - 1), still=still)

@@ -10,11 +10,11 @@ from pathlib import Path
 import bpy
 
 from ...formats.shot.lens import ClipLensError, opencv_of_clip
-from ...formats.shot.numbering import Plates, clip_plates, image_plates
+from ...formats.shot.numbering import Plates, clip_plates, image_plates, number_in
 from .. import blocks
 from .camera import ShotError
 
-__all__ = ["Background", "background_of"]
+__all__ = ["Background", "background_of", "put_behind"]
 
 ADD_ONE = "add the plates under Camera > Background Images, as a movie clip or an image sequence"
 LENS = (
@@ -55,6 +55,29 @@ class Background:
             return opencv_of_clip(str(lens.distortion_model), numbers, focal / own if own > 0 else 1.0)
         except ClipLensError as error:
             raise ShotError(str(error)) from error
+
+
+def put_behind(scene: bpy.types.Scene, camera: bpy.types.Object, first: Path, count: int, start: int) -> None:
+    """Put a picture sequence behind a camera, and give the scene its size and frame range.
+
+    Args:
+        first: its first file; count: numbers from the first file's to the last's.
+        start: frame of the timeline that shows the first.
+    Raises:
+        ShotError: the file has no number, or cannot be read.
+    """
+    number, size = number_in(first), _size_of(first)
+    if number is None:
+        raise ShotError(f"{first}: has no number in its name: give a picture of a sequence, as plate.1001.exr")
+    _check(first.name, first, size)
+    plate = camera.data.background_images.new()
+    plate.image = bpy.data.images.load(str(first))
+    plate.image.source = "SEQUENCE"
+    user = plate.image_user
+    user.frame_start, user.frame_duration, user.frame_offset = start, count, number - 1
+    camera.data.show_background_images = True
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.frame_start, scene.frame_end = start, start + count - 1
 
 
 def background_of(scene: bpy.types.Scene, camera: bpy.types.Object) -> Background:

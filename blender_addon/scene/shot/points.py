@@ -41,12 +41,16 @@ def bundles(scene: bpy.types.Scene, camera: bpy.types.Object, clip: bpy.types.Mo
 
 
 def selected(context: bpy.types.Context) -> np.ndarray:
-    """(P, 3) float64 in the scene: places of the selected empties, and vertices of the selected meshes; of one that is edited only
-    those vertices that are selected."""
+    """(P, 3) float64 in the scene: places of the selected empties, but for those that the camera hangs on, and vertices of the
+    selected meshes; of one that is edited only those vertices that are selected."""
     graph = context.evaluated_depsgraph_get()
     found: list[np.ndarray] = []
+    rig, above = set(), context.scene.camera
+    while above is not None:
+        rig.add(above)
+        above = above.parent
     for thing in context.view_layer.objects:
-        if not thing.select_get():
+        if not thing.select_get() or thing in rig:
             continue
         if thing.type == "EMPTY":
             found.append(np.array([thing.evaluated_get(graph).matrix_world.translation], dtype=np.float64))

@@ -24,7 +24,7 @@ PLACES: dict[str, tuple[tuple[str, ...], str]] = {
     "Record3D": (("room.r3d",), r"Record3D.*ns-process-data record3d"),
     "Metashape": (("street.psx", "street.files/0/doc.xml"), r"Metashape.*Export Cameras writes a cameras\.xml"),
     "RealityScan": (("street.rsproj",), r"RealityScan.*Internal/External camera parameters"),
-    "Alembic": (("shot.abc", "notes.doc"), r"Blender reads \(import it into Blender.*Use This Shot"),
+    "Alembic": (("shot.abc", "notes.doc"), r"Blender reads \(import it there.*Use This Shot.*unveil shot FILE"),
     "OpenSfM": (("reconstruction.json", "images/1.jpg"), r"OpenSfM.*export_colmap"),
     "LLFF": (("poses_bounds.npy", "images/1.jpg"), r"poses of LLFF"),
     "a ROS bag": (("drive.mcap",), r"ROS bag"),

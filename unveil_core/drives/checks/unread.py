@@ -89,7 +89,8 @@ KNOWN: tuple[tuple[Callable[[_Place], bool], Unread], ...] = (
         lambda p: p.any_of(*BY_BLENDER) and not p.has("sparse"),
         Unread(
             "is a scene of another program, which Blender reads",
-            "import it into Blender, put the plates behind the camera, and press Use This Shot (docs/shots.md)",
+            "import it there, put the plates behind the camera and press Use This Shot, or: blender --background --command "
+            "unveil shot FILE --plates PLATE.1001.exr -o DRIVE",
         ),
     ),
     (
