@@ -79,6 +79,26 @@ def test_primaries_of_aces(tmp_path: Path) -> None:
     assert white.light(np.array([[0.0, 1.0, 0.0]]))[0, 0] < -0.3  # a green beyond Rec. 709
 
 
+def test_a_studios_configuration_comes_before_the_header(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And is kept: what is read later does not ask the environment."""
+    pytest.importorskip("PyOpenColorIO")
+    monkeypatch.setenv("OCIO", "ocio://cg-config-v1.0.0_aces-v1.3_ocio-v2.1")
+    drive = open_drive(shot(tmp_path, "exr"))
+    assert "plates are EXR, ACEScg, by OCIO" in drive.notices[-1]
+    monkeypatch.delenv("OCIO")
+    plate = drive.frames[0].plate
+    assert plate is not None and plate.transfer == "ocio"
+    acescg = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+    by_header = open_drive(shot(tmp_path / "b", "exr", chromaticities=acescg)).frames[0]
+    off = np.abs(photograph(drive.frames[0]).astype(int) - photograph(by_header))
+    assert np.percentile(off, 99) <= 1  # adapted to the white of sRGB by both
+
+
+def test_what_a_compression_loses_is_not_lost_again(tmp_path: Path) -> None:
+    drive = open_drive(shot(tmp_path, "exr", compression="dwaa"))
+    assert "as they came, but packed without loss, beside PNGs" in drive.notices[-1]
+
+
 def test_dark_and_bright_plates_are_exposed_for_the_scene(tmp_path: Path) -> None:
     dark = open_drive(shot(tmp_path / "dark", "exr", factor=1 / 64))
     assert dark.frames[0].plate is not None and dark.frames[0].plate.exposure == 64

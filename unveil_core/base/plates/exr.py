@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.base.plates.plate import COPY, Plate, PlateFacts, checked_facts
 
-__all__ = ["exr_facts", "read_exr"]
+__all__ = ["exr_facts", "is_lossy", "read_exr"]
 
 LOSSY = ("PXR24_COMPRESSION", "B44_COMPRESSION", "B44A_COMPRESSION", "DWAA_COMPRESSION", "DWAB_COMPRESSION")
 """That change numbers, or may."""
@@ -39,6 +39,11 @@ def exr_facts(path: Path) -> PlateFacts:
     with _readable(path):
         parts = _parts(path, header_only=True)
         return _facts(parts, _picture(parts, path)[0], path)
+
+
+def is_lossy(facts: PlateFacts) -> bool:
+    """Whether a file is packed in a way that would change its numbers when it is packed again."""
+    return getattr(facts.attributes.get("compression"), "name", "") in LOSSY
 
 
 def read_exr(path: Path) -> Plate:

@@ -10,6 +10,7 @@ import numpy as np
 
 from unveil_core.base.pictures.colours import SRGB, to_xyz
 from unveil_core.base.plates.colours import PlateColours
+from unveil_core.base.plates.exr import is_lossy
 from unveil_core.base.plates.files import plate_facts, read_plate
 from unveil_core.base.plates.library import PLATES
 from unveil_core.base.plates.ocio import space_of_file
@@ -118,4 +119,5 @@ def _line(facts: PlateFacts, colours: PlateColours, told: str) -> str:
     stops = round(float(np.log2(colours.exposure)))
     exposed = f", exposed by {stops:+d} stops for the scene alone" if stops else ""
     kind = "EXR" if facts.kind == "openexr" else "DPX"
-    return f"plates are {kind}, {told}{exposed}; frames/ gets them back as they came, beside PNGs"
+    packed = ", but packed without loss" if is_lossy(facts) else ""
+    return f"plates are {kind}, {told}{exposed}; frames/ gets them back as they came{packed}, beside PNGs"
