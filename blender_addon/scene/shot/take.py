@@ -18,6 +18,8 @@ from .movie import extracted
 
 __all__ = ["Taken", "shot_of"]
 
+STANDS = 1e-6
+"""Change of a pose's numbers in all frames below which a camera does not move."""
 NAMED = 3
 """Frames without a plate that a line names."""
 
@@ -57,6 +59,10 @@ def shot_of(context: bpy.types.Context, folder: Path) -> Taken:
     if any(bent) and max(abs(c.focal[0] / seen[0].focal[0] - 1) for c in seen) > 1e-4:
         raise ShotError(
             f"{camera.name} zooms, and the clip's lens distortion is of one focal length: undistort the plates"
+        )
+    if len(seen) > 1 and max(float(np.abs(c.to_world - seen[0].to_world).max()) for c in seen) < STANDS:
+        told.append(
+            f"{camera.name} stands still in these frames: check the frame range, and the frame rate it was imported with"
         )
     known = _points(context, scene, camera, background, frames)
     if not len(known):

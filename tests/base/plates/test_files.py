@@ -129,6 +129,10 @@ def test_what_cannot_be_kept_is_told(tmp_path: Path) -> None:
     spec.channelnames = ("N.X", "N.Y")
     with pytest.raises(DriveError, match=r"no channels R, G and B, but N\.X, N\.Y"):
         read_plate(write(tmp_path / "a.exr", spec, light()[..., :2]))
+    spec = oiio.ImageSpec(WIDTH, HEIGHT, 6, oiio.HALF)
+    spec.channelnames = tuple(f"{layer}.{c}" for layer in ("Combined", "Diffuse") for c in "RGB")
+    with pytest.raises(DriveError, match="has 2 layers of colours: Combined, Diffuse"):
+        read_plate(write(tmp_path / "b.exr", spec, np.concatenate([light(), light()], axis=2)))
     path = write_exr(tmp_path / "c.exr", light(), compression="none")
     path.write_bytes(path.read_bytes()[:4000])
     with pytest.raises(DriveError, match=r"c\.exr: (is damaged|cannot be read)"):

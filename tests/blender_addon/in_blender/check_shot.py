@@ -128,6 +128,19 @@ def test_a_clip_starts_where_it_is_told(scene, tmp_path: Path) -> None:
     assert drive["k1"] == pytest.approx(-0.1 * 4) and drive["k2"] == pytest.approx(0.02 * 16)
 
 
+def test_a_camera_that_stands_still_is_told(scene, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]
+    """As after an import with another frame rate, whose keys lie elsewhere."""
+    first = write_plates(tmp_path / "plates")
+    set_range(scene)
+    camera = moving_camera(scene)
+    behind(camera, first)
+    use_shot(tmp_path / "moving")
+    assert "stands still" not in capfd.readouterr().out
+    camera.animation_data_clear()
+    assert len(use_shot(tmp_path / "standing")["frames"]) == COUNT
+    assert "shotcam stands still in these frames: check the frame range" in capfd.readouterr().out
+
+
 def test_what_cannot_be_used_is_told(scene, tmp_path: Path) -> None:
     import bpy
 

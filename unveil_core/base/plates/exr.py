@@ -159,8 +159,12 @@ def _picture(parts: list[Any], path: Path) -> tuple[int, Layer]:
     chosen = [one for one in coloured if not one[1]] or (coloured if len(coloured) == 1 else [])
     if chosen:
         return chosen[0][0], {n: name for n, name in chosen[0][2].items() if n in "RGBA"}
+    if coloured:
+        listed = ", ".join(one[1] for one in coloured[:6])
+        mend = "export the picture alone, or name its channels R, G and B"
+        raise DriveError(f"has {len(coloured)} layers of colours: {listed}", path=path, mend=mend)
     grey = [one for one in layers if not one[1] and "Y" in one[2] and "RY" not in one[2]]
-    if grey and not coloured:
+    if grey:
         return grey[0][0], {n: name for n, name in grey[0][2].items() if n in "YA"}
     held = ", ".join(str(c.name) for part in parts for c in part.header["channels"])
     raise DriveError(f"has no channels R, G and B, but {held[:80]}", path=path, mend="export the picture as R, G and B")

@@ -15,6 +15,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.registry import open_drive
 from unveil_core.drives.formats.shot.columns import turned
+from unveil_core.exports.cameras.chan import nuke_angles
 from unveil_core.geometry.transforms import opengl_to_opencv, rigid_inverse
 
 
@@ -46,6 +47,12 @@ def test_the_first_axis_is_turned_about_first(order: str) -> None:
     degrees = np.array([10.0, 20.0, 30.0])
     first, second, third = (rotation(a.lower(), degrees["XYZ".index(a)]) for a in order)
     np.testing.assert_allclose(turned(degrees, order), third @ second @ first, atol=1e-12)
+
+
+def test_what_unveil_exports_for_nuke_is_read_back() -> None:
+    given = np.array([[10.0, -40.0, 5.0], [-20.0, 130.0, 170.0]])
+    turns = np.stack([turned(a, "ZXY") for a in given])
+    np.testing.assert_allclose(np.degrees(nuke_angles(turns)), given, atol=1e-9)
 
 
 def test_rotation_order_and_focal_length_are_told(tmp_path: Path) -> None:
