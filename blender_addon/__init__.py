@@ -27,6 +27,7 @@ MODULES = (
     "work.job.following",
     "work.stage_states",
     "work.operators_import",
+    "work.operators_shot",
     "work.operators_workspace",
     "work.operators_run",
     "work.operators_preview",

@@ -123,14 +123,15 @@ def test_kernels_are_compiled_in_one_way() -> None:
 
 
 def test_pictures_are_decoded_in_one_place() -> None:
-    """``base/pictures/decoding`` says why: what it has not looked at never reaches a decoder. Movies are written, never read."""
+    """``base/pictures/decoding`` says why: what it has not looked at never reaches a decoder. Plates have theirs, ``base/plates``,
+    where the header is looked at first. Movies are written, never read."""
     decoders = (
         r"\bim(?:read|decode)(?:multi|animation|count)?\b|VideoCapture|Image\.open|ImageFile|InputFile|imageio|skimage\.io|"
-        r"torchvision|\bcv2\.dnn\b|av\.open\([^)]*[\"']r[\"']|jpeg_decode|optflow.*read|FileStorage|\bimport_module\(.cv2"
+        r"ImageInput|torchvision|\bcv2\.dnn\b|av\.open\([^)]*[\"']r[\"']|jpeg_decode|optflow.*read|FileStorage|\bimport_module\(.cv2"
     )
     sources = [p for package in (PACKAGE, "blender_addon") for p in sorted((ROOT / package).rglob("*.py"))]
     using = {str(p.relative_to(ROOT)) for p in sources if re.search(decoders, p.read_text(encoding="utf-8"))}
-    assert using == {f"{PACKAGE}/base/pictures/decoding.py"}
+    assert using == {f"{PACKAGE}/base/pictures/decoding.py", f"{PACKAGE}/base/plates/dpx.py"}
 
 
 def test_nobody_waits_for_pytorch_before_the_reconstruction() -> None:

@@ -22,6 +22,7 @@ class UNVEIL_PT_drive(Section, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         layout.operator("unveil.open_drive", text="Import street drive…", icon="IMPORT")
+        layout.operator("unveil.use_shot", icon="CAMERA_DATA")
         layout.operator("unveil.load_workspace", text="Open results…", icon="FILE_FOLDER").ask = True
         if scene.unveil.drive:
             column = layout.column()

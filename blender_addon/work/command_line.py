@@ -4,7 +4,8 @@
 Every verb and option of ``unveil``, with its output and its exit codes (0 done, 1 failed, 2 bad input or usage, 130
 cancelled). With ``--save``, what ``run`` and ``import`` have made is loaded into the scene, which is then saved; with
 ``--save-cameras FILE.abc``, ``.usd`` or ``.fbx``, its cameras are written by Blender's own exporters. A file that is there
-already is written over only if this command saved it and nobody changed it since, or with ``--replace``.
+already is written over only if this command saved it and nobody changed it since, or with ``--replace``. The verb ``shot``
+makes a drive of a camera that Blender reads, see :mod:`shot_command`.
 """
 
 from __future__ import annotations
@@ -24,11 +25,13 @@ from ..formats.drive_files import read_drive
 from ..formats.files import one_line, shown
 from ..formats.object_files import recorded_drive
 from ..scene import blocks, camera_files, drive_scene
+from ..scene.shot.camera import ShotError
 from ..worker.jobs import WINDOWS, unveil_command, worker_environment
 from ..worker.receipts import is_somebodys, note_saved
 from ..worker.session import interrupts
 from .loading import load
 from .preferences import unveil_interpreter
+from .shot_command import make_drive
 
 __all__ = ["main"]
 
@@ -44,6 +47,12 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: list[str]) -> int:
     """Run the command; returns the exit code."""
+    if arguments[:1] == ["shot"]:
+        try:
+            print(make_drive(arguments[1:]))
+        except ShotError as error:
+            return _refuse(str(error))
+        return 0
     parser = _Parser(add_help=False, allow_abbrev=False)
     parser.add_argument("--save", type=Path)
     parser.add_argument("--save-cameras", type=Path)

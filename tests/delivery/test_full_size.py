@@ -12,6 +12,7 @@ import pytest
 from tests.ground.test_street import look
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.pictures.decoding import read_image_as_it_is
+from unveil_core.base.plates.colours import PlateColours
 from unveil_core.delivery.detail import grain_of
 from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame, in_exposure
 from unveil_core.delivery.lens import work_positions
@@ -59,15 +60,16 @@ def delivered(
     lens: Distortion | None = None,
     depth_m: float = 0.0,
     copied: Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray]] | None = None,
+    plate: PlateColours | None = None,
 ) -> np.ndarray:
     """The frame of a drive of one frame, without ground, and without surface or before a wall.
 
     Args:
         picture: as a file has it; removed, relit: (h, w) of working size.
         clean: (h, w, 3) uint8 of working size.
-        depth_m: of the wall; copied: see ``FullSize``.
+        depth_m: of the wall; copied: see ``FullSize``; plate: what the picture means, where it is of a plate.
     """
-    footage = Footage(Path("f.png"), CAMERA, lens)
+    footage = Footage(Path("f.png"), CAMERA, lens, plate)
     camera = working_camera(CAMERA, side)
     photograph = at_work_size((as_color(picture) * 255).round().astype(np.uint8), footage, camera)
     view = EmptyView(camera, np.full(removed.shape, depth_m, np.float32), removed | relit)

@@ -13,6 +13,7 @@ import torch
 from pyarrow import feather, parquet
 
 from tests.base.pictures.files import animated_png, jpeg2000
+from tests.base.plates.plates import write_dpx, write_exr
 from tests.drives.formats.street.all_formats import WRITERS
 from tests.drives.formats.street.street import tiny_street
 from tests.fuzz.reader import Opened, Reader, Wrong
@@ -25,6 +26,7 @@ from unveil_core.base.pictures.decoding import (
     read_instance_image,
     read_label_image,
 )
+from unveil_core.base.plates.files import read_plate
 from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.drives.drive import Distortion, PointCloud
 from unveil_core.drives.formats.binary import read_archive, read_floats
@@ -380,6 +382,28 @@ def _workspace_arrays(folder: Path) -> Opened:
     return Opened(tuple(ways), lambda p: ways[p](p))
 
 
+def _plates(folder: Path) -> Opened:
+    """OpenEXR of several types and compressions, and DPX."""
+    folder.mkdir(parents=True)
+    light = np.random.default_rng(0).uniform(0, 2, (6, 9, 3)).astype(np.float32)
+    files = [
+        write_exr(folder / f"{c}.exr", light, half=half, compression=c)
+        for c, half in (("none", True), ("zips", False), ("piz", True), ("dwaa", True))
+    ]
+    codes = (light * 400).astype(np.uint16)
+    files += [
+        write_dpx(folder / f"{bits}.dpx", codes, bits=bits, transfer="Linear", little=bits == 10)
+        for bits in (10, 12, 16)
+    ]
+
+    def read(path: Path) -> None:
+        values = read_plate(path, (9, 6)).values
+        if values.ndim != 3 or values.shape[2] != 3:
+            raise Wrong("a plate without colours is taken")
+
+    return Opened(tuple(files), read)
+
+
 READERS = (
     Reader("PLY of points", "binary", _points),
     Reader("PLY of surfels", "binary", _surfels),
@@ -391,6 +415,7 @@ READERS = (
     Reader("JPEG 2000", "binary", _jpeg_2000),
     Reader("TIFF photographs", "binary", _tiff),
     Reader("pictures of any format and size", "binary", _any_image),
+    Reader("plates", "binary", _plates),
     Reader("labels, masks, instances", "binary", _labels),
     Reader("depth images", "binary", _depth),
     Reader("LiDAR sweeps", "binary", _sweeps),

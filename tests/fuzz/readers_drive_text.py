@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.drives.formats.shot.shots import chan, plates
+from tests.drives.formats.shot.test_photogrammetry import HEADING, metashape
 from tests.drives.formats.street.all_formats import WRITERS
 from tests.drives.formats.street.street import tiny_street
 from tests.drives.tiny_drive import edit, make_tiny_drive
@@ -23,6 +25,7 @@ from unveil_core.drives.formats.kitti.text import read_calibration, read_stamps,
 from unveil_core.drives.formats.nuscenes import tables as nuscenes
 from unveil_core.drives.formats.processed import drivestudio, street_gaussians
 from unveil_core.drives.formats.processed.shared import Matrices
+from unveil_core.drives.formats.shot.reader import read_shot
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.marked import read_marked
 from unveil_core.drives.points import write_points
@@ -70,6 +73,31 @@ def _colmap(folder: Path) -> Opened:
     for name, text in lines.items():
         (model / f"{name}.txt").write_text("\n".join(text) + "\n")
     return Opened(tuple(model / f"{n}.txt" for n in lines), lambda p: sound_drive(read_colmap(folder)))
+
+
+def _shot(folder: Path) -> Opened:
+    """A .chan with all that may lie beside it, and the same pictures with Metashape's and RealityScan's cameras."""
+    plates(folder / "chan/plates", count=3)
+    path = chan(folder / "chan/cam.chan", count=3)
+    said = {
+        "fps": 24,
+        "zoom": "vertical_fov",
+        "sensor_mm": [24, 13],
+        "lens": {"k1": 0.1},
+        "points": "points.csv",
+        "up": "y",
+    }
+    beside = folder / "chan/shot.json"
+    beside.write_text(
+        json.dumps({**said, "plates": "plates/plate.####.png", "frame_offset": 0, "units_per_metre": 100})
+    )
+    points = folder / "chan/points.csv"
+    points.write_text("name,x,y,z\na,1,2,3\nb,4,5,6\n")
+    plates(folder / "xml/images", count=3)
+    plates(folder / "csv/images", count=3)
+    xml, table = metashape(folder / "xml/cameras.xml"), folder / "csv/cameras.csv"
+    table.write_text(f"{HEADING}\nplate.1001.png,1,2,3,90,80,0,24,0.1,0,-0.1,0.02,0,0,0.001,0\n")
+    return Opened((path, beside, points, xml, table), lambda p: sound_drive(read_shot(p.parent)))
 
 
 def _marked(folder: Path) -> Opened:
@@ -208,6 +236,7 @@ def _processed(folder: Path) -> Opened:
 READERS = (
     Reader("transforms.json", "text", _transforms),
     Reader("COLMAP text", "text", _colmap),
+    Reader("shots", "text", _shot),
     Reader("marked objects", "text", _marked),
     Reader("camera path", "text", _camera_path),
     Reader("KITTI text", "text", _kitti_text),

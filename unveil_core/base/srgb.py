@@ -11,9 +11,9 @@ __all__ = ["linear_of_srgb", "srgb_of_linear"]
 
 
 def linear_of_srgb(color: NDArray[np.floating]) -> Float64:
-    """Linear light of sRGB, both 0 to 1, of any shape."""
+    """Linear light of sRGB, both 0 to 1, of any shape; beyond these the curve goes on."""
     color = np.asarray(color, dtype=np.float64)
-    return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+    return np.where(color <= 0.04045, color / 12.92, ((np.maximum(color, 0) + 0.055) / 1.055) ** 2.4)
 
 
 def srgb_of_linear(light: NDArray[np.floating]) -> Float64:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -127,9 +128,7 @@ class Corrections:
         mixed: NDArray[np.uint8] = _mixed(picture, *self.at_work(i))  # type: ignore[assignment]
         return mixed
 
-    def full_size(
-        self, i: int, picture: NDArray[np.uint8] | NDArray[np.uint16]
-    ) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    def full_size(self, i: int, picture: NDArray[Any]) -> NDArray[Any]:
         """A delivered picture (H, W), (H, W, 3) or (H, W, 4) of frame ``i``, corrected; elsewhere it is as it was, bit for bit."""
         frame = self._frames[i]
         color, cover = np.zeros((*picture.shape[:2], 3), np.float32), np.zeros(picture.shape[:2], np.float32)
@@ -179,9 +178,7 @@ class Corrections:
         return frame.footage or Footage(frame.image_path, frame.camera)
 
 
-def _mixed(
-    picture: NDArray[np.uint8] | NDArray[np.uint16], color: Float32, cover: Float32
-) -> NDArray[np.uint8] | NDArray[np.uint16]:
+def _mixed(picture: NDArray[Any], color: Float32, cover: Float32) -> NDArray[Any]:
     """A picture with colours (H, W, 3) over it, as far as they cover it (H, W); elsewhere bit for bit as it was."""
     changed = cover > COVERED
     if not changed.any():

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.plates.colours import PlateColours
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.delivery.detail import FINER_THAN, BestSource, sensor_noise, with_detail
 from unveil_core.delivery.lens import footage_positions, work_positions
@@ -33,6 +35,10 @@ STEP_M = 0.1
 """Length along the street by whose pictures it is told how foreshortened a facade is, metres."""
 DARKEST = 0.02
 """Level, of 1, that is added to both sides of a ratio of light: in black, noise is no light."""
+AROUND_PX = 3
+"""Pixels around a position that tell its colour."""
+ENCODED = PlateColours("srgb")
+"""Of footage that is no plate."""
 RATIOS = (0.3, 4.0)
 """Least and largest change of light by a shadow that was taken away."""
 
@@ -68,7 +74,7 @@ class FullSize:
     """
 
     views: EmptyViews
-    footage: Callable[[int], NDArray[np.uint8] | NDArray[np.uint16]]
+    footage: Callable[[int], NDArray[Any]]
     lenses: Sequence[Footage]
     exposures: Sequence[Exposure]
     grain: Callable[[int, float], Float32]
@@ -77,17 +83,23 @@ class FullSize:
     copied: Callable[[Float64], tuple[NDArray[np.int64], Float64, Float32]] | None = None
 
 
-def as_color(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> Float32:
-    """(H, W, 3) float32 in [0, 1] of a file's picture, grey or colour, 8 or 16 bits, without its transparency."""
+def as_color(picture: NDArray[Any]) -> Float32:
+    """(H, W, 3) float32 in [0, 1] of a file's picture, grey or colour, 8 or 16 bits, without its transparency; of a plate, float32,
+    as it is."""
+    if picture.dtype == np.float32:
+        return picture
     color = (
         picture[..., :3] if picture.ndim == 3 and picture.shape[2] >= 3 else np.atleast_3d(picture).repeat(3, axis=2)
     )
     return color.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
 
 
-def put_colors(picture: NDArray[np.uint8] | NDArray[np.uint16], mask: Mask, colors: Float32) -> None:
+def put_colors(picture: NDArray[Any], mask: Mask, colors: Float32) -> None:
     """Write colours (N, 3) in [0, 1] into a file's picture where the mask (H, W) is, in its channels and bits; it is opaque there:
-    who marks what is to go by transparency wants to see what is put in."""
+    who marks what is to go by transparency wants to see what is put in. A plate, float32, takes what is brighter, too."""
+    if picture.dtype == np.float32:
+        picture[mask] = colors
+        return
     levels = np.clip(np.round(colors * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
     if picture.ndim == 2:
         picture[mask] = (levels @ np.array([0.299, 0.587, 0.114])).astype(picture.dtype)
@@ -97,14 +109,13 @@ def put_colors(picture: NDArray[np.uint8] | NDArray[np.uint16], mask: Mask, colo
             picture[..., 3][mask] = np.iinfo(picture.dtype).max
 
 
-def full_size_frame(
-    frame: CleanFrame, index: int, drive: FullSize, picture: NDArray[np.uint8] | NDArray[np.uint16]
-) -> NDArray[np.uint8] | NDArray[np.uint16]:
+def full_size_frame(frame: CleanFrame, index: int, drive: FullSize, picture: NDArray[Any]) -> NDArray[Any]:
     """The delivered frame.
 
     Args:
         frame: of working size; index: its number in the drive.
-        picture: the footage as its file has it, (H, W), (H, W, 3) or (H, W, 4), 8 or 16 bits.
+        picture: the footage as its file has it, (H, W), (H, W, 3) or (H, W, 4), 8 or 16 bits; of a plate (H, W, 3) float32, see
+            ``drives.photographs.read_footage``.
     Returns:
         the same shape and depth; outside of what was removed or relit the file's own pixels.
     """
@@ -129,11 +140,18 @@ def full_size_frame(
         sharp = _sharpened(base, original, removed, at, index, drive, scale)
         inward = cv2.distanceTransform(removed.astype(np.uint8), cv2.DIST_L2, 3)
         share = np.clip(inward / (scale + 1.0), 0, 1)[..., None]
-        result = np.where(removed[..., None], lit * (1 - share) + sharp * share, result)
+        result = np.where(removed[..., None], _mixed(lit, sharp, share, frame.footage.plate), result)
     changed = removed | relit
     out = picture.copy()
     put_colors(out[part], changed, result[changed])
     return out
+
+
+def _mixed(below: Float32, above: Float32, share: Float32, plate: PlateColours | None) -> Float32:
+    """(H, W, 3) a picture above another by its share (H, W, 1), in linear light as a lens mixes what it does not resolve."""
+    colours = plate or ENCODED
+    light = colours.linear(below) * (1 - share) + colours.linear(above) * share
+    return colours.of_linear(light).astype(np.float32)
 
 
 def _relit(frame: CleanFrame, at: Float32, original: Float32) -> Float32:
@@ -273,9 +291,18 @@ def _seen_in(
     some = some[seen]
     if len(some):
         pixels, _ = footage_positions(drive.lenses[j], points[some])
-        found[some] = as_color(sample_at(drive.footage(j), pixels, cv2.INTER_CUBIC)[None])[0]
+        found[some] = _sampled(drive.footage(j), pixels)
         finer[some] = size[some] / (depth / drive.views.cameras[j].fx)
     return found, finer
+
+
+def _sampled(picture: NDArray[Any], pixels: Float64) -> Float32:
+    """(N, 3) colours of a file's picture at positions (N, 2), not rounded to its levels."""
+    height, width = picture.shape[:2]
+    low = np.clip(np.floor(pixels.min(axis=0)).astype(int) - AROUND_PX, 0, (width - 1, height - 1))
+    high = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + AROUND_PX, 1, (width, height))
+    part = as_color(picture[low[1] : max(high[1], low[1] + 1), low[0] : max(high[0], low[0] + 1)])
+    return sample_at(part, pixels - low, cv2.INTER_CUBIC)
 
 
 def in_exposure(colors: NDArray[np.float32], there: Exposure, here: Exposure) -> NDArray[np.float32]:

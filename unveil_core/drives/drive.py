@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.checks.numbers_in_names import counting_numbers
+from unveil_core.base.plates.colours import PlateColours
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.labels.codes import LabelCodes
 from unveil_core.geometry.camera import Camera
@@ -81,11 +82,13 @@ class Footage:
         path: of the file.
         camera: of the file's own size, with the frame's pose; its pinhole is that of ``distortion``.
         distortion: of its lens, None for a pinhole.
+        plate: what its numbers mean, where it is an OpenEXR or DPX file.
     """
 
     path: Path
     camera: Camera
     distortion: Distortion | None = None
+    plate: PlateColours | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +113,7 @@ class Frame:
         ego_path: 8-bit PNG of an imported drive, 255 where the photograph shows the ego vehicle; None where nowhere.
         footage: of an imported drive, the file that the photograph was made of; None where it is that file.
         ego_rows: lowest rows of the photograph that show the ego vehicle, where the dataset is known to have such.
+        plate: what the numbers of the photograph mean, where that is an OpenEXR or DPX file.
     """
 
     name: str
@@ -129,6 +133,7 @@ class Frame:
     footage: Footage | None = None
     ego_rows: int = 0
     codes: LabelCodes = field(default_factory=LabelCodes)
+    plate: PlateColours | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +218,7 @@ class Drive:
         frame_rate: of its cameras, frames a second, from their time stamps; None where they have none. Set by import.
         key_frames: names of the annotated frames, where a dataset distinguishes them; None = all.
         pose_convention: in which the poses of its files were read, one of ``base.drive_options.POSE_CONVENTIONS``.
+        keeps_origin: its origin stays that of its files, for a scene that they were made in and that results go back to.
     """
 
     root: Path
@@ -232,6 +238,7 @@ class Drive:
     frame_rate: float | None = None
     key_frames: frozenset[str] | None = None
     pose_convention: str = "opencv"
+    keeps_origin: bool = False
 
 
 def tracks(drive: Drive) -> list[list[int]]:

@@ -12,6 +12,7 @@ from unveil_core.base.checks.names import is_file_name
 from unveil_core.base.disk.open_safely import LARGEST_TEXT, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_own_json
+from unveil_core.base.plates.colours import PlateColours
 from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import LATEST_S, RATES, Distortion, Drive, Footage, Frame, PointCloud, is_frame_rate
 from unveil_core.drives.points import read_points
@@ -157,4 +158,5 @@ def _footage(entry: dict[str, Any], folder: Path) -> Footage | None:
     distortion = None if lens is None else Distortion(str(lens["model"]), tuple(float(k) for k in lens["coefficients"]))
     if distortion is not None and not np.isfinite(distortion.coefficients).all():
         raise ValueError("a lens that is not finite")
-    return Footage(_inside(folder, found["image"]), _camera(found, entry), distortion)
+    plate = PlateColours.from_json(found["plate"]) if "plate" in found else None
+    return Footage(_inside(folder, found["image"]), _camera(found, entry), distortion, plate)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,11 @@ from unveil_core.base.files import write_bytes_atomic
 from unveil_core.base.output.copies import copied_or_linked
 from unveil_core.base.pictures.decoding import decode_image, read_image, read_image_as_it_is
 from unveil_core.base.pictures.headers import PNG_BYTES, png_start
+from unveil_core.base.plates.files import read_plate
+from unveil_core.base.types import Float32
 from unveil_core.drives.drive import Footage, Frame
 
-__all__ = ["is_plain", "photograph", "read_footage", "store_photograph"]
+__all__ = ["is_plain", "levels", "photograph", "read_footage", "seen_footage", "store_photograph"]
 
 RGB = 2
 """PNG's number for colour without a palette or transparency."""
@@ -27,9 +30,16 @@ def photograph(frame: Frame) -> NDArray[np.uint8]:
         DriveError: missing, unreadable, cut short, or not of its camera's size.
     """
     size = (frame.camera.width, frame.camera.height)
+    if frame.plate is not None:
+        return levels(frame.plate.encoded(read_plate(frame.image_path, size).values))
     if frame.image_bytes is not None:
         return decode_image(frame.image_bytes(), frame.image_path, size)
     return read_image(frame.image_path, size)
+
+
+def levels(picture: Float32) -> NDArray[np.uint8]:
+    """A picture of a plate with 8 bits; what is no number, as renders have it, is black."""
+    return np.round(np.clip(np.nan_to_num(picture), 0, 1) * 255).astype(np.uint8)
 
 
 def store_photograph(frame: Frame, destination: Path) -> None:
@@ -53,10 +63,23 @@ def is_plain(frame: Frame) -> bool:
     return found is not None and found[2:] == (8, RGB)
 
 
-def read_footage(footage: Footage) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """The footage as its file has it: (H, W), (H, W, 3) RGB or (H, W, 4) RGBA, 8 or 16 bits.
+def seen_footage(footage: Footage) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB of the footage.
 
     Raises:
         DriveError: missing, unreadable or cut short.
     """
+    return read_image(footage.path) if footage.plate is None else levels(read_footage(footage))
+
+
+def read_footage(footage: Footage) -> NDArray[Any]:
+    """The footage as its file has it: (H, W), (H, W, 3) RGB or (H, W, 4) RGBA, 8 or 16 bits; of a plate (H, W, 3) float32 as the
+    scene sees it, which is not cut off at 0 and 1.
+
+    Raises:
+        DriveError: missing, unreadable or cut short.
+    """
+    if footage.plate is not None:
+        size = (footage.camera.width, footage.camera.height)
+        return np.nan_to_num(footage.plate.encoded(read_plate(footage.path, size).values))
     return read_image_as_it_is(footage.path)

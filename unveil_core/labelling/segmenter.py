@@ -26,6 +26,7 @@ from unveil_core.base.types import Float32, Picture
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID, train_id
 from unveil_core.drives.drive import Drive, FrameLabels
 from unveil_core.drives.importing.frames import labels_at_work_size
+from unveil_core.drives.photographs import seen_footage
 from unveil_core.labelling.networks.class_tables import (
     BY_COUNT,
     ORDERS,
@@ -99,7 +100,7 @@ def label_by_network(drive: Drive, path: Path) -> Sequence[FrameLabels]:
         frame = frames[i]
         if frame.footage is None:
             return segmenter.segment(read_image(frame.image_path))
-        return labels_at_work_size(frame.footage, segmenter.segment(read_image(frame.footage.path)), frame.camera)
+        return labels_at_work_size(frame.footage, segmenter.segment(seen_footage(frame.footage)), frame.camera)
 
     return Frames(len(frames), of_frame)
 

@@ -20,7 +20,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.registry import FORMATS
 
 STREET = tiny_street()
-WITHOUT_BOXES = ("transforms.json", "COLMAP", "KITTI odometry")
+WITHOUT_BOXES = ("transforms.json", "a shot", "COLMAP", "KITTI odometry")
 POINT_ERROR_M = {"Waymo Open v2": 0.12, "Argoverse 2": 0.05, "KITTI raw": 0.01, "KITTI-360": 0.01}
 """Range images have beams, half floats 8 mm at 16 m; a sweep is freed from motion up to the change of its velocity."""
 SEVERAL = [f for f in FORMATS if f.scenes is not None]

@@ -15,7 +15,9 @@ MOST_NAMES = 2000
 """Of a folder's entries, that are looked at."""
 ARCHIVES = (".zip", ".tgz", ".tar", ".tar.gz", ".7z", ".rar", ".tar.xz")
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".insv", ".360")
-PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".heic", ".webp", ".dng")
+PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".heic", ".webp", ".dng", ".exr", ".dpx")
+BY_BLENDER = (".abc", ".fbx", ".usd", ".usda", ".usdc", ".usdz", ".blend")
+"""Scenes with a camera that Blender opens or imports."""
 BY_COLMAP = "make poses and points with COLMAP, or with ns-process-data of nerfstudio, and give that folder"
 
 
@@ -69,8 +71,28 @@ KNOWN: tuple[tuple[Callable[[_Place], bool], Unread], ...] = (
         _nerfstudio("Polycam's raw export", "polycam"),
     ),
     (lambda p: p.any_of(".r3d"), _nerfstudio("a capture of Record3D", "record3d")),
-    (lambda p: p.any_of(".psx", ".psz"), _nerfstudio("a project of Metashape", "metashape")),
-    (lambda p: p.any_of(".rcproj", ".rsproj"), _nerfstudio("a project of RealityCapture", "realitycapture")),
+    (
+        lambda p: p.any_of(".psx", ".psz"),
+        Unread(
+            "is a project of Metashape, which is not read",
+            "File > Export > Export Cameras writes a cameras.xml, which is read with the photographs beside it",
+        ),
+    ),
+    (
+        lambda p: p.any_of(".rcproj", ".rsproj"),
+        Unread(
+            "is a project of RealityScan, which is not read",
+            "export Internal/External camera parameters as cameras.csv, which is read with the pictures beside it",
+        ),
+    ),
+    (
+        lambda p: p.any_of(*BY_BLENDER) and not p.has("sparse"),
+        Unread(
+            "is a scene of another program, which Blender reads",
+            "import it there, put the plates behind the camera and press Use This Shot, or: blender --background --command "
+            "unveil shot FILE --plates PLATE.1001.exr -o DRIVE",
+        ),
+    ),
     (
         lambda p: p.has("odm_georeferencing") or p.has("opensfm/reconstruction.json"),
         _nerfstudio("a project of OpenDroneMap", "odm"),

@@ -14,6 +14,8 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
 from unveil_core.base.pictures.decoding import size_of_image
 from unveil_core.base.pictures.headers import format_of
+from unveil_core.base.plates.files import plate_facts
+from unveil_core.base.plates.library import PLATES, kind_of
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.transforms import nearest_rotation, quat_to_rotation, rigid_inverse
@@ -117,6 +119,8 @@ def picture_size(path: Path, content: Callable[[], bytes] | None = None) -> tupl
     if content is not None:
         return size_of_image(content(), path)
     try:
+        if path.suffix.lower() in PLATES and kind_of(path) is not None:
+            return plate_facts(path).size
         with open_file(path, LARGEST_FILE) as stream:
             data = stream.read(HEADER_BYTES)
             if format_of(data) != "PNG":

@@ -20,7 +20,10 @@ from unveil_core.drives.formats.colmap.reader import read_colmap
 from unveil_core.drives.formats.guard import guarded, with_guarded_readers
 from unveil_core.drives.formats.nerfstudio.parts import has_transforms
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
+from unveil_core.drives.formats.plates import with_plates
 from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_gaussians
+from unveil_core.drives.formats.shot import reader as shot
+from unveil_core.drives.formats.shot.described import FILE as SHOT
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.formats.waymo import reading as waymo
 from unveil_core.drives.imported import is_imported, read_imported
@@ -64,16 +67,27 @@ def _read_workspace(folder: Path) -> Drive:
     return replace(read_imported(folder), front_cameras=())
 
 
+def _is_transforms(path: Path) -> bool:
+    return path.suffix.lower() == ".json" and path.name.lower() != SHOT
+
+
 FORMATS: tuple[Format, ...] = (
     Format(
         "transforms.json",
         "transforms.json",
-        lambda p: p.suffix.lower() == ".json" if p.is_file() else has_transforms(p),
+        lambda p: _is_transforms(p) if p.is_file() else has_transforms(p),
         read_transforms_json,
         order="file",
         takes_convention=True,
     ),
     Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), _read_workspace, is_one=is_imported),
+    Format(
+        "a shot",
+        ".chan, cameras.xml or shot.json",
+        shot.recognizes,
+        shot.read_shot,
+        order="file",
+    ),
     Format(
         "PandaSet",
         "camera/, lidar/ and annotations/ (PandaSet)",
@@ -115,7 +129,7 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "Waymo Open v2",
-        "camera_image/ and vehicle_pose/ with .parquet tables (Waymo Open v2)",
+        "camera_image/ and vehicle_pose/ (Waymo Open v2)",
         waymo.recognizes,
         waymo.read_waymo,
         waymo.scenes,
@@ -216,7 +230,7 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
     drive = in_seconds(with_file_names(drive))
     part = select_part(_in_order(drive, kind), options)
-    part = part if kind.read is _read_workspace else with_sizes_of_pictures(part)
+    part = part if kind.read is _read_workspace else with_plates(with_sizes_of_pictures(part))
     return with_labels(part, options, imported=kind.read is _read_workspace)
 
 

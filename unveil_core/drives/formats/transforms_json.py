@@ -164,4 +164,5 @@ def read_transforms_json(path: Path, pose_convention: str | None = None) -> Driv
         sweeps=sweeps,
         notices=tuple(notices),
         pose_convention=pose_convention,
+        keeps_origin=keys.get("keep_origin") is True,
     )

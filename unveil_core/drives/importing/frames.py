@@ -165,7 +165,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         unless_there(relative, lambda path: copied_or_linked(source, path))
     elif not kept:
         relative = f"footage/{stem}{suffix}"
-        entry["footage"] = _footage(Footage(frame.image_path, frame.camera, frame.distortion), relative)
+        entry["footage"] = _footage(Footage(frame.image_path, frame.camera, frame.distortion, frame.plate), relative)
         unless_there(relative, put_photograph)
     codes = frame.codes
     kinds = (
@@ -214,4 +214,5 @@ def _footage(footage: Footage, relative: str) -> dict[str, object]:
         "image": relative,
         **_numbers(footage.camera),
         "distortion": None if lens is None else {"model": lens.model, "coefficients": list(lens.coefficients)},
+        **({} if footage.plate is None else {"plate": footage.plate.to_json()}),
     }

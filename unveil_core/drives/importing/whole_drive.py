@@ -37,9 +37,12 @@ from unveil_core.geometry.axes import UP
 
 __all__ = ["frame_rate", "import_drive", "localized", "write_labels"]
 
+FARTHEST_ORIGIN_M = 10_000.0
+"""Of the cameras from an origin that is kept, metres: single precision is good for a millimetre there."""
+
 
 def localized(drive: Drive, placement: Placement | None = None) -> Drive:
-    """The drive in metres, with z up, and its origin amid the cameras, at whole metres.
+    """The drive in metres, with z up, and its origin amid the cameras, at whole metres, unless it keeps its own.
 
     A drive that has metres and z up is shifted and nothing else. Subtraction happens in float64 between numbers of like size,
     so nothing is lost beyond the coordinates' own rounding.
@@ -51,6 +54,8 @@ def localized(drive: Drive, placement: Placement | None = None) -> Drive:
     placement = placement or place_drive(drive)
     turned = placement.to_world
     middle = turned.to_local(np.mean([f.camera.centre for f in drive.frames], axis=0))
+    if drive.keeps_origin and np.abs(middle).max() < FARTHEST_ORIGIN_M:
+        middle = np.zeros(3)
     step = replace(turned, translation=turned.to_world(np.round(middle)))
     frames = tuple(
         replace(

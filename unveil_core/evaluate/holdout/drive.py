@@ -25,6 +25,7 @@ from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.drive import Drive, Footage, Frame, PointCloud
 from unveil_core.drives.importing.frames import at_work_size
 from unveil_core.drives.importing.whole_drive import import_drive
+from unveil_core.drives.photographs import seen_footage
 from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
 from unveil_core.geometry.camera import Camera
@@ -231,7 +232,7 @@ def _footage_with_cars(footage: Footage, pixels: CarPixels, camera: Camera) -> P
     across, down = at[..., 0] - 0.5, at[..., 1] - 0.5
     covered = cv2.remap((pixels.number > 0).astype(np.float32), across, down, cv2.INTER_LINEAR) > 0.5
     color = cv2.remap(pixels.color, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    picture: Picture = np.where(covered[..., None], color, read_image(footage.path))
+    picture: Picture = np.where(covered[..., None], color, seen_footage(footage))
     return picture
 
 
@@ -247,7 +248,7 @@ def _with_cars(frame: Frame, pixels: CarPixels, removed: Mask, labels: AddedLabe
         own = _footage_with_cars(frame.footage, pixels, frame.camera)
         path = folder / "footage" / f"{frame.name}.png"
         write_image_atomic(path, own, like=frame.image_path)
-        changed = replace(changed, footage=replace(frame.footage, path=path))
+        changed = replace(changed, footage=replace(frame.footage, path=path, plate=None))
         image = at_work_size(own, frame.footage, frame.camera)
     write_image_atomic(changed.image_path, image, like=frame.image_path)
     if frame.semantic_path is not None and labels.disk_id is not None:

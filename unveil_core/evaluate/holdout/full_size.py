@@ -13,6 +13,7 @@ from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Float32, Mask
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.drive import Frame
+from unveil_core.drives.photographs import seen_footage
 from unveil_core.evaluate.metrics import gradient, psnr_of_mse, rounded
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.workspace.files import frame_file
@@ -41,7 +42,7 @@ class FullSize:
         """
         footage = frame.footage
         assert footage is not None
-        delivered, truth = read_image(frame_file(root / "frames", frame)), read_image(footage.path)
+        delivered, truth = read_image(frame_file(root / "frames", frame)), seen_footage(footage)
         at = work_positions(footage, frame.camera) - 0.5
 
         def enlarged(mask: Mask) -> Float32:

@@ -18,12 +18,13 @@ from unveil_core.corrections.frames import Corrections
 from unveil_core.delivery.detail import grain_of
 from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame
 from unveil_core.delivery.lens import write_st_maps
+from unveil_core.delivery.plates import plate_file, write_clean_plate
 from unveil_core.delivery.shifts import GroundShifts, find_shifts
 from unveil_core.delivery.views import EmptyView, EmptyViews, depth_of
 from unveil_core.drives.drive import Drive, Footage, Frame, tracks
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.photographs import read_footage
+from unveil_core.drives.photographs import levels, read_footage
 from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.files import read_chart_sources
@@ -59,8 +60,12 @@ def run(context: StageContext) -> None:
             removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
             shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame)) & ~removed
             own = CleanFrame(frame.footage, read_image(frame.image_path), read_image(clean), removed, shadows)
-            picture = full_size_frame(own, i, given, given.footage(i))
+            before = given.footage(i)
+            picture = full_size_frame(own, i, given, before)
             picture = picture if corrections is None else corrections.full_size(i, picture)
+            if frame.footage.plate is not None:  # the PNG beside it comes last, and tells that both are there
+                write_clean_plate(frame.footage, before, picture, plate_file(delivered, frame.footage))
+                picture = levels(picture)
             write_image_atomic(delivered, picture, metadata=read_metadata(frame.footage.path))
         context.progress(len(drive.frames) + i + 1, 2 * len(drive.frames), "delivering")
     for track in tracks(drive):

@@ -1,4 +1,4 @@
-"""The street as nerfstudio and COLMAP have it: photographs, masks of what goes, and points without labels."""
+"""The street as nerfstudio, COLMAP and Metashape have it: photographs, masks of what goes, and points without labels."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import write_points
 from unveil_core.geometry.transforms import rotation_to_quat
 
-__all__ = ["COLMAP_SCALE", "write_colmap", "write_nerfstudio"]
+__all__ = ["COLMAP_SCALE", "write_colmap", "write_metashape", "write_nerfstudio"]
 
 REMOVABLE = range(11, 19)
 """TrainIds of people and vehicles."""
@@ -69,4 +69,24 @@ def write_colmap(root: Path, street: Street) -> Path:
     for k, (p, c) in enumerate(zip(points, street.colors, strict=True)):
         parts.append(struct.pack("<QdddBBBdQ", k, *p, *c, 0.5, 3) + struct.pack("<6i", 1, 0, 2, 0, 3, 0))
     (folder / "points3D.bin").write_bytes(b"".join(parts))
+    return root
+
+
+def write_metashape(root: Path, street: Street) -> Path:
+    """Metashape's cameras in metres, with masks beside the photographs."""
+    cameras = []
+    for i in range(street.count):
+        name = f"frame_{i + 1:05d}"
+        saved(root / f"images/{name}.jpg", street.images[i])
+        saved(root / f"masks/{name}.png", np.where(np.isin(street.semantics[i], REMOVABLE), 0, 255).astype(np.uint8))
+        numbers = " ".join(f"{v:.12g}" for v in street.poses[i].ravel())
+        cameras.append(f'<camera id="{i}" sensor_id="0" label="{name}"><transform>{numbers}</transform></camera>')
+    write_points(PointCloud(street.points, street.colors), root / "points.ply")
+    width, height = street.size
+    cx, cy = street.centre[0] - width / 2, street.centre[1] - height / 2
+    (root / "cameras.xml").write_text(
+        f'<document version="2.0.0"><chunk><sensors><sensor id="0" type="frame"><calibration class="adjusted"><resolution '
+        f'width="{width}" height="{height}"/><f>{street.focal!r}</f><cx>{cx!r}</cx><cy>{cy!r}</cy></calibration></sensor>'
+        f"</sensors><cameras>{''.join(cameras)}</cameras><transform><scale>1</scale></transform></chunk></document>"
+    )
     return root

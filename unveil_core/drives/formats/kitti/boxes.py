@@ -49,8 +49,8 @@ SPARE_IDS = 45000
 """Ids from here on are free: those of the pictures end at 44999."""
 
 
-def xml_items(path: Path, depth: int) -> Iterator[ElementTree.Element]:
-    """The elements at a depth of an XML file, root 0, one after the other; none is kept.
+def xml_items(path: Path, depth: int, *, attributes: bool = False) -> Iterator[ElementTree.Element]:
+    """The elements at a depth of an XML file, root 0, one after the other; none is kept. Attributes only where they are asked for.
 
     A document type that only names the root is usual: boost writes one into tracklets. One that declares entities or values of
     attributes, or that names another file, is refused: a few bytes would stand for many, or for what lies elsewhere.
@@ -72,7 +72,7 @@ def xml_items(path: Path, depth: int) -> Iterator[ElementTree.Element]:
         if default is not None:
             raise DriveError("declares values in its document type, which data need not", path=path, mend=MEND)
 
-    def start(tag: str, _: dict[str, str]) -> None:
+    def start(tag: str, given: dict[str, str]) -> None:
         nonlocal level, begin
         if level > DEEPEST:
             raise DriveError(f"has more than {DEEPEST} elements within one another", path=path, mend=MEND)
@@ -80,7 +80,7 @@ def xml_items(path: Path, depth: int) -> Iterator[ElementTree.Element]:
             begin = parser.CurrentByteIndex
         if level >= depth:
             bounded()
-            builder.start(tag, {})
+            builder.start(tag, given if attributes else {})
         level += 1
 
     def end(tag: str) -> None:

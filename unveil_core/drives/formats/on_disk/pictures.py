@@ -13,7 +13,7 @@ from unveil_core.base.checks.numbers_in_names import natural_key
 
 __all__ = ["PICTURES", "NamedFiles", "files_below", "pictures_below", "pictures_in"]
 
-PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".dpx")
 """Suffixes of pictures that are read, the likelier first."""
 USUAL_FOLDERS = ("images",)
 """Where pictures lie whose own folder is not there."""

@@ -1,0 +1,82 @@
+"""Colours of plates by a studio's configuration of OpenColorIO."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.types import Float32
+
+__all__ = ["applied", "space_of_file"]
+
+OF_LIGHT = ("Linear Rec.709 (sRGB)", "lin_rec709_scene", "lin_rec709", "lin_srgb", "Utility - Linear - sRGB", "Linear")
+"""Names under which configurations have linear light with the primaries of Rec. 709."""
+ROLES = {"openexr": "scene_linear", "dpx": "compositing_log"}
+"""What a file is in that no rule of the configuration knows."""
+MEND = "mend OCIO, or unset it for what the files say themselves"
+
+
+def _library(configuration: str) -> Any:
+    if find_spec("PyOpenColorIO") is None:
+        mend = "pip install '.[plates]' in the folder of Unveil, or unset OCIO"
+        raise SettingsError("OCIO names a configuration, but OpenColorIO is not installed", mend=mend)
+    import PyOpenColorIO
+
+    return PyOpenColorIO
+
+
+@lru_cache(maxsize=4)
+def _configuration(configuration: str) -> Any:
+    ocio = _library(configuration)
+    try:
+        return ocio.Config.CreateFromFile(configuration)
+    except (ocio.Exception, ocio.ExceptionMissingFile) as error:
+        raise SettingsError(f"is no configuration of OpenColorIO: {error}", path=configuration, mend=MEND) from error
+
+
+def space_of_file(configuration: str, path: Path, kind: str) -> str:
+    """The colour space of a plate: by the configuration's rules for files, else by the role of its kind.
+
+    Raises:
+        SettingsError: the configuration cannot be read, or has neither.
+    """
+    config = _configuration(configuration)
+    rules = config.getFileRules()
+    name, rule = config.getColorSpaceFromFilepath(str(path))
+    if rules.getNumEntries() and rule < rules.getNumEntries() - 1 and config.getColorSpace(name) is not None:
+        return str(config.getColorSpace(name).getName())
+    role = config.getColorSpace(ROLES[kind])
+    if role is None:
+        raise SettingsError(f"has no role {ROLES[kind]}, and no rule for {path.name}", path=configuration, mend=MEND)
+    return str(role.getName())
+
+
+@lru_cache(maxsize=8)
+def _processor(configuration: str, space: str, back: bool) -> Any:
+    ocio, config = _library(configuration), _configuration(configuration)
+    light = next((name for name in OF_LIGHT if config.getColorSpace(name) is not None), None)
+    if light is None:
+        raise SettingsError("has no linear light of Rec. 709", path=configuration, mend=MEND)
+    ways = (light, space) if back else (space, light)
+    try:
+        return config.getProcessor(*ways).getDefaultCPUProcessor()
+    except ocio.Exception as error:
+        raise SettingsError(
+            f"has no way from {ways[0]} to {ways[1]}: {error}", path=configuration, mend=MEND
+        ) from error
+
+
+def applied(values: np.ndarray, configuration: str, space: str, *, back: bool = False) -> Float32:
+    """(..., 3) float32 linear light of Rec. 709 of values in a space; ``back``: the other way round.
+
+    Raises:
+        SettingsError: the configuration has no such way.
+    """
+    pixels = np.ascontiguousarray(values, dtype=np.float32).copy()
+    _processor(configuration, space, back).applyRGB(pixels.reshape(-1, 3))
+    return pixels

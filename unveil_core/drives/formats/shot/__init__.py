@@ -1,0 +1,1 @@
+"""Shots: a camera path of a matchmove beside plates."""
