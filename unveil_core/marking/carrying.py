@@ -1,0 +1,41 @@
+"""An object of a few clicks in all frames: its points are carried there, and what the frames show mends the points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask
+from unveil_core.drives.drive import Drive
+from unveil_core.marking.clustering import first_points
+from unveil_core.marking.outline import object_outline, seeds_of
+from unveil_core.marking.prompts import Prompts
+from unveil_core.marking.scene_points import ScenePoints
+
+__all__ = ["carried"]
+
+
+def carried(
+    drive: Drive,
+    points: ScenePoints,
+    prompts: Prompts,
+    image: Callable[[int], NDArray[np.uint8]],
+    progress: Progress = no_progress,
+) -> Sequence[Mask]:
+    """(H, W) per frame, the pixels of an object.
+
+    Args:
+        drive: imported; points: of its scene.
+        prompts: what the person says of the object.
+        image: gives the photograph (H, W, 3) of a frame.
+    """
+    own = first_points(drive, points, prompts)
+    found = []
+    for v, frame in enumerate(drive.frames):
+        seeds = seeds_of(frame.camera, points, own, points.views[v]) if own.any() else None
+        found.append(object_outline(image(v), seeds, prompts.frames.get(v)))
+        progress(v + 1, len(drive.frames), f"outlining {prompts.name}")
+    return found

@@ -1,0 +1,140 @@
+"""The points of an object in space: those that hang together with what was clicked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from unveil_core.base.types import Float64, Mask
+from unveil_core.drives.drive import Drive
+from unveil_core.geometry.clusters import connected_points
+from unveil_core.marking.prompts import Prompts
+from unveil_core.marking.scene_points import ScenePoints
+from unveil_core.semantics.visibility import PointsInView
+
+__all__ = ["clicked_points", "cluster_around", "first_points"]
+
+CLICK_SHARE = 0.02
+"""Of the picture's width: points no farther from a click than this may be what was clicked."""
+FRONT_M, FRONT_SHARE = 0.6, 0.03
+"""Of the points near a click those count that lie no farther behind the nearest than so many metres and this share of its depth: an
+object's surface is that steep; what is seen past it, or through its panes, lies farther."""
+FEWEST_NEAR = 3
+"""A lone point before all others near a click may be noise."""
+GAPS = (5.0, 4.0, 3.2, 2.6, 2.1, 1.7)
+"""Points no farther apart than so many times what is usual between those clicked hang together; the widest that holds is taken."""
+SHORTEST_M, LONGEST_M = 0.08, 1.2
+"""Between which such a gap lies, metres."""
+STABLE = 0.9
+"""A cluster holds if with the next smaller gap this share of its points still hangs together: what is joined by a few points is two
+things."""
+LARGEST_M = 20.0
+"""No object is longer, metres: a house front is none, and hangs together with the next."""
+REACH_M = 40.0
+"""Farther from all clicks than this nothing is looked at, metres."""
+BALL_M = 2.5
+"""Where nothing holds, what lies no farther than this along the surface from a click is taken, metres."""
+
+
+def clicked_points(
+    points: ScenePoints, seen: PointsInView, places: Float64, width: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The points that clicks in a frame hit.
+
+    Args:
+        seen: what the frame sees; places: (N, 2) clicks, pixels; width: of the picture, pixels.
+    Returns:
+        indices of points (K,), and the click (K,) that each belongs to.
+    """
+    standing = np.flatnonzero(points.standing[seen.index])
+    if not len(standing) or not len(places):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    tree = cKDTree(np.stack([seen.columns[standing], seen.rows[standing]], axis=1) + 0.5)
+    found, owner = [], []
+    for k, place in enumerate(places):
+        near = standing[np.array(tree.query_ball_point(place, max(3.0, CLICK_SHARE * width)), dtype=np.int64)]
+        if not len(near):
+            continue
+        depth = seen.depth[near]
+        front = np.sort(depth)[min(FEWEST_NEAR, len(depth)) - 1]
+        near = near[depth <= front * (1 + FRONT_SHARE) + FRONT_M]
+        found.append(seen.index[near])
+        owner.append(np.full(len(near), k))
+    if not found:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    return np.concatenate(found), np.concatenate(owner)
+
+
+def cluster_around(points: ScenePoints, inside: NDArray[np.int64], outside: NDArray[np.int64]) -> Mask:
+    """(P,) the points that hang together with those that were clicked, and not with those that were clicked as others.
+
+    Args:
+        inside, outside: indices of clicked points; ``inside`` holds one at least.
+    """
+    middle = points.positions[inside].mean(axis=0)
+    near = np.flatnonzero(points.standing & (np.linalg.norm(points.positions - middle, axis=1) < REACH_M))
+    places = points.positions[near]
+    usual = float(np.median(points.spacing[inside]))
+    own, other = np.isin(near, inside), np.isin(near, outside)
+    found = np.zeros(len(points.positions), dtype=bool)
+    found[near[_stable(places, own, other, usual)]] = True
+    return found
+
+
+def _stable(places: Float64, own: Mask, other: Mask, usual: float) -> Mask:
+    """(N,) the widest cluster of places (N, 3) around some of them that holds with a smaller gap, too."""
+    gaps = [float(np.clip(times * usual, SHORTEST_M, LONGEST_M)) for times in GAPS]
+    clusters = [_hanging(places, own, gap) for gap in gaps]
+    for wide, narrow in zip(clusters, clusters[1:], strict=False):
+        if (wide & other).any() or np.ptp(places[wide], axis=0).max() > LARGEST_M:
+            continue
+        if narrow.sum() >= STABLE * wide.sum():
+            return wide
+    return _nearest_along(places, own, other, gaps[2])
+
+
+def _hanging(places: Float64, own: Mask, gap: float) -> Mask:
+    """(N,) places in clusters that hold a fair share of the clicked ones."""
+    cluster = connected_points(places, gap)
+    held = np.bincount(cluster[own], minlength=int(cluster.max()) + 1)
+    return (held >= max(1.0, 0.1 * own.sum()))[cluster]
+
+
+def _nearest_along(places: Float64, own: Mask, other: Mask, gap: float) -> Mask:
+    """(N,) places nearer along the surface to those clicked than to the others, and near enough."""
+    pairs = cKDTree(places).query_pairs(gap, output_type="ndarray")
+    length = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+    graph = coo_matrix((length, (pairs[:, 0], pairs[:, 1])), shape=(len(places),) * 2).tocsr()
+    way = dijkstra(graph, directed=False, indices=np.flatnonzero(own), limit=BALL_M, min_only=True)
+    found: Mask = np.isfinite(way)
+    if other.any():
+        found &= way < dijkstra(graph, directed=False, indices=np.flatnonzero(other), limit=2 * BALL_M, min_only=True)
+    return found | own
+
+
+def first_points(drive: Drive, points: ScenePoints, prompts: Prompts) -> Mask:
+    """(P,) the points of an object by its clicks and strokes alone; none where these hit no point."""
+    inside, outside = [], []
+    for v, prompt in prompts.frames.items():
+        camera, seen = drive.frames[v].camera, points.views[v]
+        inside.append(clicked_points(points, seen, prompt.inside, camera.width)[0])
+        outside.append(clicked_points(points, seen, prompt.outside, camera.width)[0])
+        for drawn in (prompt.stroke, prompt.matte):
+            if drawn is not None:
+                inside.append(_under(points, seen, drawn))
+    own = np.unique(np.concatenate(inside)) if inside else np.zeros(0, np.int64)
+    if not len(own):
+        return np.zeros(len(points.positions), dtype=bool)
+    return cluster_around(points, own, np.setdiff1d(np.concatenate(outside), own))
+
+
+def _under(points: ScenePoints, seen: PointsInView, drawn: Mask) -> NDArray[np.int64]:
+    """Standing points under a stroke, without what is seen past the object."""
+    hit = np.flatnonzero(drawn[seen.rows, seen.columns] & points.standing[seen.index])
+    if not len(hit):
+        return np.zeros(0, np.int64)
+    middle = float(np.median(seen.depth[hit]))
+    return seen.index[hit[np.abs(seen.depth[hit] - middle) <= 0.5 * LARGEST_M * 0.25 + FRONT_SHARE * middle]]
