@@ -68,26 +68,32 @@ def clicked_points(
     return np.concatenate(found), np.concatenate(owner)
 
 
-def cluster_around(points: ScenePoints, inside: NDArray[np.int64], outside: NDArray[np.int64]) -> Mask:
+def cluster_around(
+    points: ScenePoints, inside: NDArray[np.int64], of: NDArray[np.int64], outside: NDArray[np.int64]
+) -> Mask:
     """(P,) the points that hang together with those that were clicked, and not with those that were clicked as others.
 
     Args:
-        inside, outside: indices of clicked points; ``inside`` holds one at least.
+        inside: (K,) indices of clicked points, one at least; of: (K,) the click that each belongs to.
+        outside: indices of points clicked as others.
     """
     middle = points.positions[inside].mean(axis=0)
     near = np.flatnonzero(points.standing & (np.linalg.norm(points.positions - middle, axis=1) < REACH_M))
     places = points.positions[near]
     usual = float(np.median(points.spacing[inside]))
-    own, other = np.isin(near, inside), np.isin(near, outside)
+    within = np.isin(inside, near)
+    own, other = np.searchsorted(near, inside[within]), np.isin(near, outside)
     found = np.zeros(len(points.positions), dtype=bool)
-    found[near[_stable(places, own, other, usual)]] = True
+    found[near[_stable(places, own, of[within], other, usual)]] = True
     return found
 
 
-def _stable(places: Float64, own: Mask, other: Mask, usual: float) -> Mask:
+def _stable(
+    places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], other: Mask, usual: float
+) -> Mask:
     """(N,) the widest cluster of places (N, 3) around some of them that holds with a smaller gap, too."""
     gaps = [float(np.clip(times * usual, SHORTEST_M, LONGEST_M)) for times in GAPS]
-    clusters = [_hanging(places, own, gap) for gap in gaps]
+    clusters = [_hanging(places, own, of, gap) for gap in gaps]
     for wide, narrow in zip(clusters, clusters[1:], strict=False):
         if (wide & other).any() or np.ptp(places[wide], axis=0).max() > LARGEST_M:
             continue
@@ -96,39 +102,47 @@ def _stable(places: Float64, own: Mask, other: Mask, usual: float) -> Mask:
     return _nearest_along(places, own, other, gaps[2])
 
 
-def _hanging(places: Float64, own: Mask, gap: float) -> Mask:
-    """(N,) places in clusters that hold a fair share of the clicked ones."""
+def _hanging(places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], gap: float) -> Mask:
+    """(N,) places in the clusters that each hold most of what some click hit."""
     cluster = connected_points(places, gap)
-    held = np.bincount(cluster[own], minlength=int(cluster.max()) + 1)
-    return (held >= max(1.0, 0.1 * own.sum()))[cluster]
+    chosen = [np.bincount(cluster[own[of == k]]).argmax() for k in np.unique(of)]
+    return np.isin(cluster, chosen)
 
 
-def _nearest_along(places: Float64, own: Mask, other: Mask, gap: float) -> Mask:
+def _nearest_along(places: Float64, own: NDArray[np.int64], other: Mask, gap: float) -> Mask:
     """(N,) places nearer along the surface to those clicked than to the others, and near enough."""
     pairs = cKDTree(places).query_pairs(gap, output_type="ndarray")
     length = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
     graph = coo_matrix((length, (pairs[:, 0], pairs[:, 1])), shape=(len(places),) * 2).tocsr()
-    way = dijkstra(graph, directed=False, indices=np.flatnonzero(own), limit=BALL_M, min_only=True)
+    way = dijkstra(graph, directed=False, indices=np.unique(own), limit=BALL_M, min_only=True)
     found: Mask = np.isfinite(way)
     if other.any():
         found &= way < dijkstra(graph, directed=False, indices=np.flatnonzero(other), limit=2 * BALL_M, min_only=True)
-    return found | own
+    found[own] = True
+    return found
 
 
 def first_points(drive: Drive, points: ScenePoints, prompts: Prompts) -> Mask:
     """(P,) the points of an object by its clicks and strokes alone; none where these hit no point."""
-    inside, outside = [], []
+    inside, of, outside = [], [], [np.zeros(0, np.int64)]
+    count = 0
     for v, prompt in prompts.frames.items():
         camera, seen = drive.frames[v].camera, points.views[v]
-        inside.append(clicked_points(points, seen, prompt.inside, camera.width)[0])
+        hit, click = clicked_points(points, seen, prompt.inside, camera.width)
+        inside.append(hit)
+        of.append(click + count)
+        count += len(prompt.inside)
         outside.append(clicked_points(points, seen, prompt.outside, camera.width)[0])
         for drawn in (prompt.stroke, prompt.matte):
             if drawn is not None:
-                inside.append(_under(points, seen, drawn))
-    own = np.unique(np.concatenate(inside)) if inside else np.zeros(0, np.int64)
+                hit = _under(points, seen, drawn)
+                inside.append(hit)
+                of.append(np.full(len(hit), count))
+                count += 1
+    own = np.concatenate(inside) if inside else np.zeros(0, np.int64)
     if not len(own):
         return np.zeros(len(points.positions), dtype=bool)
-    return cluster_around(points, own, np.setdiff1d(np.concatenate(outside), own))
+    return cluster_around(points, own, np.concatenate(of), np.setdiff1d(np.concatenate(outside), own))
 
 
 def _under(points: ScenePoints, seen: PointsInView, drawn: Mask) -> NDArray[np.int64]:

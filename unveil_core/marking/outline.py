@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import disc, within
+from unveil_core.geometry.images import disc, grow, within
 from unveil_core.labelling.outlines import cut
 from unveil_core.marking.prompts import Prompt
-from unveil_core.marking.scene_points import ScenePoints
+from unveil_core.marking.scene_points import ABOVE_GROUND_M, ScenePoints
 from unveil_core.semantics.visibility import PointsInView
 
 __all__ = ["Seeds", "object_outline", "seeds_of"]
@@ -28,6 +28,12 @@ CLICK_PX = 0.008
 """Radius of a click, a share of the picture's width."""
 TINY_PX = 12
 """Objects smaller than this, pixels, are taken by their points alone: no colours can be learned from so few."""
+SILL_M = 0.25
+WHEEL_M = 0.2
+DEEP = 0.12
+"""What lies so far inside of an object's outline, a share of its size, is its own: farther than the gap between a car's wheels."""
+LEAST_SHARE = 0.5
+"""Of what geometry expects: where colours find less, they are those of the shade that the object stands in."""
 FEWEST_SEEN = 0.02
 """An object is shown by a frame that sees this share of the points that lie in its picture."""
 
@@ -64,12 +70,10 @@ def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView)
     low = np.nan_to_num(over, nan=np.inf) < FOOT_M
     feet = places[low] - np.stack([np.zeros(low.sum()), np.zeros(low.sum()), over[low]], axis=1)
     all_of = np.concatenate([places, feet])
-    pixel, depth = camera.project(all_of)
-    pixel = pixel[depth > NEAR_M]
-    if len(pixel) < 3:
-        return None
     limit = 4.0 * max(camera.width, camera.height)
-    hull = cv2.convexHull(np.clip(pixel, -limit, limit).astype(np.float32)).reshape(-1, 2)
+    hull = _hull(camera, all_of, limit)
+    if hull is None:
+        return None
     inside = np.clip(hull, 0, (camera.width, camera.height))
     shown = np.ptp(inside, axis=0)
     if shown.min() < 1:
@@ -83,7 +87,12 @@ def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView)
     x0, y0 = np.maximum(np.floor(inside.min(axis=0) - pad), 0).astype(int)
     x1, y1 = np.minimum(np.ceil(inside.max(axis=0) + pad), (camera.width, camera.height)).astype(int)
     window = (slice(int(y0), int(y1)), slice(int(x0), int(x1)))
-    outline = _filled(hull - (x0, y0), (y1 - y0, x1 - x0))
+    shape = (int(y1 - y0), int(x1 - x0))
+    outline = _filled(hull - (x0, y0), shape)
+    high = ~(over < SILL_M)
+    body = _hull(camera, places[high], limit) if high.sum() > 2 else hull
+    body = outline if body is None else _filled(body - (x0, y0), shape)
+    wheels = _legs(camera, places, over, seen_own=np.isin(np.flatnonzero(own), seen.index), corner=(x0, y0), shape=shape)
     rows, columns = seen.rows - y0, seen.columns - x0
     here = (rows >= 0) & (columns >= 0) & (rows < y1 - y0) & (columns < x1 - x0)
     at = np.stack([columns[here], rows[here]], axis=1).astype(np.float64)
@@ -93,14 +102,37 @@ def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView)
     gap = float(np.sqrt(max(int(outline.sum()), 1) / mine.sum()))
     measured = _closed(_dotted(at[mine], outline.shape), np.clip(1.2 * gap, 1, 1 + 0.06 * size))
     sure = cv2.erode(measured.astype(np.uint8), disc(1)).astype(bool) if size > 30 else measured
-    likely = _closed(measured, 1 + 0.12 * size) | outline
-    possible = within(likely, 1.5 + 0.03 * size + 0.5 * gap)
+    likely = (_closed(measured, 1 + 0.12 * size) & (body | ~outline)) | body | wheels
+    possible = within(likely | outline, 1.5 + 0.03 * size + 0.5 * gap)
+    sure |= wheels
     behind, before = _split(at, depth, mine)
-    hidden = _closed_lines(_dotted(at[before & ~mine], outline.shape)) & ~sure
+    standing = ~(height <= ABOVE_GROUND_M)
+    hidden = _closed_lines(_dotted(at[before & ~mine & standing], outline.shape)) & ~sure
     # Points behind are seen through panes, too: they count where none of the object's own is near, and on the ground.
     other = _dotted(at[~mine & behind & ~(height > 0.3 * FOOT_M)], outline.shape) & ~measured
     other |= _dotted(at[~mine & behind], outline.shape) & ~likely
+    deep = cv2.erode(body.astype(np.uint8), disc(1 + DEEP * size), borderValue=1).astype(bool)
+    sure |= deep & ~grow(other, 1 + 0.5 * gap)
     return Seeds(window, sure & ~hidden, likely, possible, hidden, other & ~sure, size)
+
+
+def _hull(camera: Camera, places: Float64, limit: float) -> NDArray[np.float32] | None:
+    pixel, depth = camera.project(places)
+    pixel = pixel[depth > NEAR_M]
+    if len(pixel) < 3:
+        return None
+    return cv2.convexHull(np.clip(pixel, -limit, limit).astype(np.float32)).reshape(-1, 2)
+
+
+def _legs(camera: Camera, places: Float64, over: Float64, *, seen_own: Mask, corner: tuple[int, int], shape: tuple[int, int]) -> Mask:
+    low = seen_own & (over < WHEEL_M)
+    mask = np.zeros(shape, np.uint8)
+    if low.any():
+        down = np.stack([np.zeros(low.sum()), np.zeros(low.sum()), over[low]], axis=1)
+        a, _ = camera.project(places[low]); b, _ = camera.project(places[low] - down)
+        for (xa, ya), (xb, yb) in zip((a - corner - 0.5).round().astype(int), (b - corner - 0.5).round().astype(int)):
+            cv2.line(mask, (int(xa), int(ya)), (int(xb), int(yb)), 1, 1)
+    return mask.astype(bool)
 
 
 def _split(at: Float64, depth: Float64, mine: Mask) -> tuple[Mask, Mask]:
@@ -162,7 +194,11 @@ def _within_window(image: NDArray[np.uint8], it: Seeds, own: Mask, others: Mask)
     state[it.other | it.hidden] = cv2.GC_BGD
     state[sure] = cv2.GC_FGD
     state[others] = cv2.GC_BGD
-    mask = cut(image, state) & (it.possible | own) & ~others & ~it.hidden | sure
+    open_ = (it.possible | own) & ~others & ~it.hidden
+    mask = cut(image, state) & open_ | sure
+    expected = it.likely & open_
+    if mask.sum() < LEAST_SHARE * expected.sum():
+        mask = expected | sure
     mask = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, disc(1)).astype(bool) & ~others & ~it.hidden
     return _joined(mask | sure, sure)
 

@@ -20,7 +20,7 @@ __all__ = ["ABOVE_GROUND_M", "ScenePoints", "scene_points"]
 
 MOST_POINTS = 400_000
 """Points that are looked at from every frame, however long the drive is; more are thinned."""
-ABOVE_GROUND_M = 0.15
+ABOVE_GROUND_M = 0.08
 """Points no higher over the ground than this, metres, are the ground's: half of a wheel's flat side, and what LiDARs are off by."""
 
 
