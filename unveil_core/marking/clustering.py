@@ -22,6 +22,8 @@ CLICK_SHARE = 0.02
 FRONT_M, FRONT_SHARE = 0.6, 0.03
 """Of the points near a click those count that lie no farther behind the nearest than so many metres and this share of its depth: an
 object's surface is that steep; what is seen past it, or through its panes, lies farther."""
+MOST_NEAR = 8
+"""Points that a click hits at most, the nearest in the picture."""
 FEWEST_NEAR = 3
 """A lone point before all others near a click may be noise."""
 GAPS = (5.0, 4.0, 3.2, 2.6, 2.1, 1.7)
@@ -55,7 +57,8 @@ def clicked_points(
     tree = cKDTree(np.stack([seen.columns[standing], seen.rows[standing]], axis=1) + 0.5)
     found, owner = [], []
     for k, place in enumerate(places):
-        near = standing[np.array(tree.query_ball_point(place, max(3.0, CLICK_SHARE * width)), dtype=np.int64)]
+        away, index = tree.query(place, k=min(MOST_NEAR, len(standing)), distance_upper_bound=max(3.0, CLICK_SHARE * width))
+        near = standing[np.atleast_1d(index)[np.isfinite(np.atleast_1d(away))]]
         if not len(near):
             continue
         depth = seen.depth[near]
