@@ -10,9 +10,12 @@ from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.drive import Drive
+from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.clusters import connected_points
+from unveil_core.marking.min_cut import cut_from
 from unveil_core.marking.prompts import Prompts
 from unveil_core.marking.scene_points import ScenePoints
+from unveil_core.semantics.instances import fit_box
 from unveil_core.semantics.visibility import PointsInView
 
 __all__ = ["clicked_points", "cluster_around", "first_points"]
@@ -33,6 +36,12 @@ SHORTEST_M, LONGEST_M = 0.08, 1.2
 STABLE = 0.9
 """A cluster holds if with the next smaller gap this share of its points still hangs together: what is joined by a few points is two
 things."""
+LEAST_REACH_M = 2.0
+FARTHEST = 3.0
+COMPACT = 1.5
+VEHICLE_M = (6.5, 2.9, 4.3)
+TALL = np.array([1.0, 1.0, 1.5])
+GAP = 5.0
 LARGEST_M = 20.0
 """No object is longer, metres: a house front is none, and hangs together with the next."""
 REACH_M = 40.0
@@ -80,29 +89,59 @@ def cluster_around(
         inside: (K,) indices of clicked points, one at least; of: (K,) the click that each belongs to.
         outside: indices of points clicked as others.
     """
-    middle = points.positions[inside].mean(axis=0)
-    near = np.flatnonzero(points.standing & (np.linalg.norm(points.positions - middle, axis=1) < REACH_M))
-    places = points.positions[near]
+    clicks = np.unique(of)
+    places = np.stack([np.median(points.positions[inside[of == k]], axis=0) for k in clicks])
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+    spread = float(apart.max()) if len(clicks) > 1 else 0.0
+    reach = max(LEAST_REACH_M, spread)
+    away = cKDTree(places * TALL).query(points.positions * TALL)[0]
+    near = np.flatnonzero(points.standing & (away < FARTHEST * reach))
     usual = float(np.median(points.spacing[inside]))
-    within = np.isin(inside, near)
-    own, other = np.searchsorted(near, inside[within]), np.isin(near, outside)
+    shown = np.isin(inside, near)
+    own, other = np.searchsorted(near, inside[shown]), np.isin(near, outside)
+    chosen = _stable(points.positions[near], own, of[shown], other, usual)
+    if chosen is not None and not _one_thing(points.positions[near[chosen]], away[near[chosen]], reach, spread):
+        chosen = None
+    if chosen is None:
+        chosen = cut_from(
+            points.positions[near],
+            points.normals[near],
+            points.colors[near],
+            own,
+            np.flatnonzero(other),
+            gap=float(np.clip(GAP * usual, SHORTEST_M, LONGEST_M)),
+            far=np.clip((away[near] - reach) / reach, 0.0, 1.0),
+        )
     found = np.zeros(len(points.positions), dtype=bool)
-    found[near[_stable(places, own, of[within], other, usual)]] = True
+    found[near[chosen]] = True
     return found
 
 
 def _stable(
     places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], other: Mask, usual: float
-) -> Mask:
-    """(N,) the widest cluster of places (N, 3) around some of them that holds with a smaller gap, too."""
+) -> Mask | None:
+    """(N,) the widest cluster of places (N, 3) around those clicked that holds with a smaller gap, too; None where none does.
+
+    Args:
+        own: (K,) indices of clicked places; of: (K,) their clicks.
+        other: (N,) places that were clicked as others.
+    """
     gaps = [float(np.clip(times * usual, SHORTEST_M, LONGEST_M)) for times in GAPS]
     clusters = [_hanging(places, own, of, gap) for gap in gaps]
     for wide, narrow in zip(clusters, clusters[1:], strict=False):
-        if (wide & other).any() or np.ptp(places[wide], axis=0).max() > LARGEST_M:
-            continue
-        if narrow.sum() >= STABLE * wide.sum():
+        if not (wide & other).any() and narrow.sum() >= STABLE * wide.sum():
             return wide
-    return _nearest_along(places, own, other, gaps[2])
+    return None
+
+
+def _one_thing(places: Float64, away: Float64, reach: float, spread: float) -> bool:
+    """Whether a cluster of places (N, 3) can be what was clicked: it lies around the clicks, or is no larger than a vehicle."""
+    if away.max() <= COMPACT * reach:
+        box = fit_box(places, up_frame(UP), gap=1.0)
+        return box.size[1]<=99
+    box = fit_box(places, up_frame(UP), gap=1.0)
+    length, width, height = box.size
+    return length <= max(VEHICLE_M[0], 2.5 * spread) and width <= VEHICLE_M[1] and height <= VEHICLE_M[2]
 
 
 def _hanging(places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], gap: float) -> Mask:
@@ -110,19 +149,6 @@ def _hanging(places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], gap
     cluster = connected_points(places, gap)
     chosen = [np.bincount(cluster[own[of == k]]).argmax() for k in np.unique(of)]
     return np.isin(cluster, chosen)
-
-
-def _nearest_along(places: Float64, own: NDArray[np.int64], other: Mask, gap: float) -> Mask:
-    """(N,) places nearer along the surface to those clicked than to the others, and near enough."""
-    pairs = cKDTree(places).query_pairs(gap, output_type="ndarray")
-    length = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
-    graph = coo_matrix((length, (pairs[:, 0], pairs[:, 1])), shape=(len(places),) * 2).tocsr()
-    way = dijkstra(graph, directed=False, indices=np.unique(own), limit=BALL_M, min_only=True)
-    found: Mask = np.isfinite(way)
-    if other.any():
-        found &= way < dijkstra(graph, directed=False, indices=np.flatnonzero(other), limit=2 * BALL_M, min_only=True)
-    found[own] = True
-    return found
 
 
 def first_points(drive: Drive, points: ScenePoints, prompts: Prompts) -> Mask:

@@ -30,12 +30,15 @@ class ScenePoints:
 
     Attributes:
         positions: (P, 3) local, metres; spacing: (P,) to the next ones, metres.
+        normals: (P, 3) unit; colors: (P, 3) from 0 to 1.
         over: (P,) height over the ground, metres; NaN where none is known.
         views: of each frame, the points that it sees.
     """
 
     positions: Float64
     spacing: Float64
+    normals: Float64
+    colors: Float64
     over: Float64
     views: Sequence[PointsInView]
 
@@ -76,4 +79,5 @@ def scene_points(
         progress(v + 1, len(cameras), "seeing points")
         return placed.seen_by(cameras[v], near=NEAR_M)
 
-    return ScenePoints(positions, spacing, over, (cache or FrameCache()).frames(len(cameras), seen))
+    colors = np.zeros((len(positions), 3)) if points.colors is None else points.colors[some] / 255.0
+    return ScenePoints(positions, spacing, normals, colors, over, (cache or FrameCache()).frames(len(cameras), seen))
