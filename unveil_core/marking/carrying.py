@@ -14,8 +14,12 @@ from unveil_core.marking.clustering import first_points
 from unveil_core.marking.outline import object_outline, seeds_of
 from unveil_core.marking.prompts import Prompts
 from unveil_core.marking.scene_points import ScenePoints
+from unveil_core.marking.standing import carried_standing
 
 __all__ = ["carried"]
+
+FEWEST_POINTS = 25
+"""Fewer points on an object do not tell its shape."""
 
 
 def carried(
@@ -33,6 +37,8 @@ def carried(
         image: gives the photograph (H, W, 3) of a frame.
     """
     own = first_points(drive, points, prompts)
+    if own.sum() < FEWEST_POINTS:
+        return carried_standing(drive, points, prompts, image, own)
     found = []
     for v, frame in enumerate(drive.frames):
         seeds = seeds_of(frame.camera, points, own, points.views[v]) if own.any() else None

@@ -59,11 +59,14 @@ class Seeds:
     size: float
 
 
-def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView) -> Seeds | None:
+def seeds_of(
+    camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView, loose: float = 0.0
+) -> Seeds | None:
     """Where an object lies in a frame; None where the frame does not show it.
 
     Args:
         own: (P,) the object's points; seen: what the frame sees.
+        loose: by how much the outline may be elsewhere than its points say, a share of its size.
     """
     places = points.positions[own]
     over = points.over[own]
@@ -83,7 +86,7 @@ def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView)
     if mine.sum() < max(2.0, FEWEST_SEEN * in_picture):
         return None
     size = float(np.sqrt(np.prod(shown)))
-    pad = 4 + 0.3 * size
+    pad = 4 + (0.3 + 2 * loose) * size
     x0, y0 = np.maximum(np.floor(inside.min(axis=0) - pad), 0).astype(int)
     x1, y1 = np.minimum(np.ceil(inside.max(axis=0) + pad), (camera.width, camera.height)).astype(int)
     window = (slice(int(y0), int(y1)), slice(int(x0), int(x1)))
@@ -113,6 +116,10 @@ def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView)
     other |= _dotted(at[~mine & behind], outline.shape) & ~likely
     deep = cv2.erode(body.astype(np.uint8), disc(1 + DEEP * size), borderValue=1).astype(bool)
     sure |= deep & ~grow(other, 1 + 0.5 * gap)
+    if loose:
+        sure = cv2.erode(body.astype(np.uint8), disc(1 + loose * size), borderValue=1).astype(bool) & ~hidden
+        possible = within(outline, loose * size)
+        other &= ~possible
     return Seeds(window, sure & ~hidden, likely, possible, hidden, other & ~sure, size)
 
 

@@ -14,6 +14,7 @@ from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.cloud import estimate_normals, thinned_to
 from unveil_core.ground.from_points import find_ground
+from unveil_core.ground.height_field import HeightField
 from unveil_core.semantics.visibility import PointsInView, PointsNear
 
 __all__ = ["ABOVE_GROUND_M", "ScenePoints", "scene_points"]
@@ -32,6 +33,7 @@ class ScenePoints:
         positions: (P, 3) local, metres; spacing: (P,) to the next ones, metres.
         normals: (P, 3) unit; colors: (P, 3) from 0 to 1.
         over: (P,) height over the ground, metres; NaN where none is known.
+        ground: its height; None where too few points lie on any.
         views: of each frame, the points that it sees.
     """
 
@@ -40,6 +42,7 @@ class ScenePoints:
     normals: Float64
     colors: Float64
     over: Float64
+    ground: HeightField | None
     views: Sequence[PointsInView]
 
     @property
@@ -80,4 +83,4 @@ def scene_points(
         return placed.seen_by(cameras[v], near=NEAR_M)
 
     colors = np.zeros((len(positions), 3)) if points.colors is None else points.colors[some] / 255.0
-    return ScenePoints(positions, spacing, normals, colors, over, (cache or FrameCache()).frames(len(cameras), seen))
+    return ScenePoints(positions, spacing, normals, colors, over, ground, (cache or FrameCache()).frames(len(cameras), seen))
