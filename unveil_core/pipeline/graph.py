@@ -51,7 +51,14 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage("objects", later("objects"), ("drive",), ("objects.json", "objects"), ("marked",), outside=files_of_marked),
     Stage("segment", later("segment"), ("drive",), ("labels.json", "movers", "masks/overlooked"), ("movers",)),
-    Stage("choose", later("choose"), ("drive", "objects.json"), ("selection.json",), ("remove", "instances")),
+    Stage(
+        "choose",
+        later("choose"),
+        ("drive", "objects.json"),
+        ("selection.json",),
+        ("remove", "instances", "marked"),
+        outside=files_of_marked,
+    ),
     Stage(
         "reconstruct",
         later("reconstruct"),
