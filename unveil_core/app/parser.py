@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
+from unveil_core.app.mask_words import add_words
 from unveil_core.base.drive_options import LABEL_CLASSES, POSE_CONVENTIONS
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.base.wording import shown
@@ -72,6 +73,7 @@ def command_parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(dest="verb", required=True, parser_class=_Parser, metavar="VERB")
     _add_whole_runs(verbs)
     _add_check(verbs)
+    _add_mask(verbs)
     _add_stages(verbs)
     _add_evaluate(verbs)
     _add_render(verbs)
@@ -124,6 +126,21 @@ def _add_check(verbs: _Verbs) -> None:
     )
     _add_replace(p, "write over a page that no check made")
     _add_yes(p)
+    _add_settings(p)
+    _add_common(p)
+
+
+def _add_mask(verbs: _Verbs) -> None:
+    p = verbs.add_parser(
+        "mask", help="outline objects by a few clicks or strokes, in all frames, as mattes for --marked"
+    )
+    p.add_argument("source", type=Path, metavar="DRIVE|WORKSPACE")
+    add_words(p)
+    p.add_argument("--prompt-encoder", type=Path, metavar="FILE.onnx", help="your promptable network: of pictures")
+    p.add_argument("--prompt-decoder", type=Path, metavar="FILE.onnx", help="its other half: of clicks")
+    p.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="of the mattes; a later call adds to it"
+    )
     _add_settings(p)
     _add_common(p)
 

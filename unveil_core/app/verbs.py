@@ -18,6 +18,7 @@ from unveil_core.app.check import run_check
 from unveil_core.app.confirming import confirmed
 from unveil_core.app.console import reporting, say
 from unveil_core.app.given_settings import settings_of
+from unveil_core.app.mask import run_mask
 from unveil_core.app.parser import STAGE_VERBS
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.pipeline.settings import RunSettings
@@ -263,6 +264,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": _run,
     "import": _import,
     "check": run_check,
+    "mask": run_mask,
     **dict.fromkeys(STAGE_VERBS, _stage),
     "status": _status,
     "run-block": _run_block,

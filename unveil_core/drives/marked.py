@@ -27,7 +27,17 @@ from unveil_core.drives.boxes import TrackedBox, read_boxes
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.importing.frames import at_work_size
 
-__all__ = ["SHOWS", "MarkedObject", "file_of_frame", "files_named", "marked_ids", "marked_objects", "matte", "read_marked", "shown_part"]
+__all__ = [
+    "SHOWS",
+    "MarkedObject",
+    "file_of_frame",
+    "files_named",
+    "marked_ids",
+    "marked_objects",
+    "matte",
+    "read_marked",
+    "shown_part",
+]
 
 MEND = "an entry is a box {id, class, centre, size, yaw} or {id, class, mattes: FOLDER}"
 SHOWS = ("white", "black")
@@ -100,7 +110,8 @@ def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
     if not files_named(folder):
         raise DriveError("holds no pictures to take as mattes", path=folder, mend="name a folder of PNG files")
     shows, of = (
-        _one_of(entry.get(key, known[0]), known, f"entry {i}: {key}", path) for key, known in (("shows", SHOWS), ("of", OF))
+        _one_of(entry.get(key, known[0]), known, f"entry {i}: {key}", path)
+        for key, known in (("shows", SHOWS), ("of", OF))
     )
     return MarkedObject(number, str(entry.get("class", "object")), mattes=folder, shows=shows, of=of)
 
@@ -147,7 +158,9 @@ def matte(mark: MarkedObject, drive: Drive, frame: Frame) -> NDArray[np.bool_] |
     found = shown_part(read_image(path), mark.shows)
     if mark.of == "footage" and frame.footage is not None and frame.footage.distortion is not None:
         whole = frame.footage.camera
-        levels = at_work_size(_resized(found, (whole.width, whole.height))[..., None].repeat(3, 2), frame.footage, frame.camera)
+        levels = at_work_size(
+            _resized(found, (whole.width, whole.height))[..., None].repeat(3, 2), frame.footage, frame.camera
+        )
         return np.asarray(levels[..., 0] > 127)
     return np.asarray(_resized(found, (frame.camera.width, frame.camera.height)) > 127)
 
@@ -170,4 +183,8 @@ def shown_part(picture: NDArray[np.uint8], shows: str) -> NDArray[np.uint8]:
 
 
 def _resized(levels: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    return levels if levels.shape == size[::-1] else cv2.resize(levels, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    return (
+        levels
+        if levels.shape == size[::-1]
+        else cv2.resize(levels, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    )

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Sequence
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.marking.clustering import first_points
-from unveil_core.marking.outline import object_outline, seeds_of
+from unveil_core.marking.outline import Outliner
 from unveil_core.marking.prompts import Prompts
 from unveil_core.marking.scene_points import ScenePoints
+from unveil_core.marking.seeds import seeds_of
 from unveil_core.marking.standing import carried_standing
 
 __all__ = ["carried"]
@@ -26,7 +24,7 @@ def carried(
     drive: Drive,
     points: ScenePoints,
     prompts: Prompts,
-    image: Callable[[int], NDArray[np.uint8]],
+    outline: Outliner,
     progress: Progress = no_progress,
 ) -> Sequence[Mask]:
     """(H, W) per frame, the pixels of an object.
@@ -34,14 +32,14 @@ def carried(
     Args:
         drive: imported; points: of its scene.
         prompts: what the person says of the object.
-        image: gives the photograph (H, W, 3) of a frame.
+        outline: gives the pixels (H, W) of an object in a frame, by its index, by what geometry and the person say of it there.
     """
     own = first_points(drive, points, prompts)
     if own.sum() < FEWEST_POINTS:
-        return carried_standing(drive, points, prompts, image, own)
+        return carried_standing(drive, points, prompts, outline, own)
     found = []
     for v, frame in enumerate(drive.frames):
         seeds = seeds_of(frame.camera, points, own, points.views[v]) if own.any() else None
-        found.append(object_outline(image(v), seeds, prompts.frames.get(v)))
+        found.append(outline(v, seeds, prompts.frames.get(v)))
         progress(v + 1, len(drive.frames), f"outlining {prompts.name}")
     return found

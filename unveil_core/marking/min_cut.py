@@ -1,7 +1,7 @@
 """The points of an object by a minimum cut: where it hangs together with what it touches by few points, or in a hollow.
 
-After Golovinskiy and Funkhouser, *Min-cut based segmentation of point clouds* (ICCV workshops, 2009): near points are connected, the
-clicked ones are the object's, what is far from all clicks costs something to keep, and the cheapest cut between is taken.
+After Golovinskiy and Funkhouser, *Min-cut based segmentation of point clouds* (ICCV workshops, 2009): near points are connected,
+the clicked ones are the object's, what is far from all clicks costs something to keep, and the cheapest cut between is taken.
 """
 
 from __future__ import annotations

@@ -83,4 +83,6 @@ def scene_points(
         return placed.seen_by(cameras[v], near=NEAR_M)
 
     colors = np.zeros((len(positions), 3)) if points.colors is None else points.colors[some] / 255.0
-    return ScenePoints(positions, spacing, normals, colors, over, ground, (cache or FrameCache()).frames(len(cameras), seen))
+    return ScenePoints(
+        positions, spacing, normals, colors, over, ground, (cache or FrameCache()).frames(len(cameras), seen)
+    )

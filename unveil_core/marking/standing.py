@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
-from unveil_core.marking.outline import object_outline, seeds_of
+from unveil_core.marking.outline import Outliner
 from unveil_core.marking.prompts import Prompts
 from unveil_core.marking.scene_points import ScenePoints
+from unveil_core.marking.seeds import seeds_of
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 
 __all__ = ["carried_standing", "stood_up"]
@@ -52,14 +52,14 @@ def stood_up(mask: Mask, camera: Camera, ground: HeightField, depth: float | Non
         feet = np.flatnonzero((lowest >= 0) & (lowest < mask.shape[0] - 1))
         if not len(feet):
             return None
-        rays = camera.rays_at(np.stack([feet + 0.5, lowest[feet] + 1.0], axis=1))
+        rays = camera.rays_at(np.stack([feet + 0.5, lowest[feet] + 1.0], axis=1).astype(np.float64))
         met = ground.first_met(camera.centre, rays, near=NEAR_M, far=FAR_M)
         met = met[np.isfinite(met)]
         if len(met) < max(2, 0.1 * len(feet)):
             return None
         depth = float(np.quantile(met, NEAREST))
     some = np.linspace(0, len(rows) - 1, min(MOST_POINTS, len(rows))).astype(np.int64)
-    pixels = np.stack([columns[some], rows[some]], axis=1) + 0.5
+    pixels = np.stack([columns[some], rows[some]], axis=1).astype(np.float64) + 0.5
     return camera.centre + depth * camera.rays_at(pixels)
 
 
@@ -95,7 +95,7 @@ def carried_standing(
     drive: Drive,
     points: ScenePoints,
     prompts: Prompts,
-    image: Callable[[int], NDArray[np.uint8]],
+    outline: Outliner,
     own: Mask,
 ) -> Sequence[Mask]:
     """(H, W) per frame the pixels of an object on which few points lie or none: from each frame that it was shown in to the next.
@@ -106,14 +106,14 @@ def carried_standing(
     frames = drive.frames
     found = [np.zeros((f.camera.height, f.camera.width), dtype=bool) for f in frames]
     for v, prompt in prompts.frames.items():
-        found[v] = object_outline(image(v), None, prompt)
+        found[v] = outline(v, None, prompt)
     if points.ground is None:
         return found
     for v in prompts.frames:
         track = next(t for t in tracks(drive) if v in t)
         place = track.index(v)
         for way in (track[place + 1 :], track[:place][::-1]):
-            _along(drive, points, prompts, image, own, v, way, found)
+            _along(drive, points, prompts, outline, own, v, way, found)
     return found
 
 
@@ -121,7 +121,7 @@ def _along(
     drive: Drive,
     points: ScenePoints,
     prompts: Prompts,
-    image: Callable[[int], NDArray[np.uint8]],
+    outline: Outliner,
     own: Mask,
     first: int,
     way: Sequence[int],
@@ -142,7 +142,7 @@ def _along(
         if seeds is None:
             lost += 1
             continue
-        mask = object_outline(image(v), seeds)
+        mask = outline(v, seeds, None)
         found[v] |= mask
         lost = 0
         if not SIZES[0] < mask.sum() / max(int(seeds.likely.sum()), 1) < SIZES[1]:

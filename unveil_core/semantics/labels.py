@@ -22,7 +22,15 @@ from unveil_core.drives.labels.codes import BLACK, WHITE
 from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_of
 from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
 
-__all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "frame_labels", "has_labels", "labels_of_frames"]
+__all__ = [
+    "SceneLabels",
+    "choose_labels",
+    "find_labels",
+    "frame_instances",
+    "frame_labels",
+    "has_labels",
+    "labels_of_frames",
+]
 
 
 _T = TypeVar("_T", str, int)
