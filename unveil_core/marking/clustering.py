@@ -36,6 +36,8 @@ SHORTEST_M, LONGEST_M = 0.08, 1.2
 STABLE = 0.9
 """A cluster holds if with the next smaller gap this share of its points still hangs together: what is joined by a few points is two
 things."""
+BOX_MARGIN_M = 0.15
+"""Around the box of a cluster, metres: what lies in it is of one thing with the cluster that it hangs together with."""
 TALL = np.array([1.0, 1.0, 1.5])
 """How much more a metre counts that a point is higher or lower than the clicks: what is on the street is longer than high."""
 LEAST_REACH_M = 2.0
@@ -151,7 +153,8 @@ def _bulk(places: Float64) -> Float64:
 
 
 def _stable(places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], other: Mask, usual: float) -> Mask | None:
-    """(N,) the widest cluster of places (N, 3) around those clicked that holds with a smaller gap, too; None where none does.
+    """(N,) the cluster of places (N, 3) around those clicked, by the widest gap that holds with a smaller one, too; None where
+    none does.
 
     Args:
         own: (K,) indices of clicked places; of: (K,) their clicks.
@@ -160,9 +163,12 @@ def _stable(places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], othe
     """
     gaps = [float(np.clip(times * usual, SHORTEST_M, LONGEST_M)) for times in GAPS]
     clusters = [_hanging(places, own, of, gap) for gap in gaps]
-    for wide, narrow in zip(clusters[:-1], clusters[1:], strict=True):
-        if not (wide & other).any() and narrow.sum() >= STABLE * wide.sum():
-            return wide
+    for k, wide in enumerate(clusters[:-1]):
+        narrower = [c for c in clusters[k + 1 :] if c.sum() >= STABLE * wide.sum()]
+        if narrower and not (wide & other).any():
+            # What a few points join, as a sign beside a van, is left out, but not the object's own sparse parts.
+            box = fit_box(places[narrower[-1]], up_frame(UP), gap=1.0)
+            return narrower[-1] | (wide & box.contains(places, up_frame(UP), margin=BOX_MARGIN_M, above=-BOX_MARGIN_M))
     return None
 
 
