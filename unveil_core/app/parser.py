@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
-from unveil_core.app.mask_words import add_words
+from unveil_core.app.mask.words import add_words
 from unveil_core.base.drive_options import LABEL_CLASSES, POSE_CONVENTIONS
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.base.wording import shown

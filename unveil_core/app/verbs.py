@@ -18,7 +18,7 @@ from unveil_core.app.check import run_check
 from unveil_core.app.confirming import confirmed
 from unveil_core.app.console import reporting, say
 from unveil_core.app.given_settings import settings_of
-from unveil_core.app.mask import run_mask
+from unveil_core.app.mask.command import run_mask
 from unveil_core.app.parser import STAGE_VERBS
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.pipeline.settings import RunSettings

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
-from unveil_core.marking.clustering import first_points
+from unveil_core.marking.asked.prompts import Prompts
 from unveil_core.marking.outline import Outliner
-from unveil_core.marking.prompts import Prompts
-from unveil_core.marking.scene_points import ScenePoints
 from unveil_core.marking.seeds import seeds_of
+from unveil_core.marking.space.clustering import first_points
+from unveil_core.marking.space.scene_points import ScenePoints
 from unveil_core.marking.standing import carried_standing
 
 __all__ = ["carried"]

@@ -17,15 +17,10 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.marked import file_of_frame, files_named
 from unveil_core.drives.selecting import named_frames
-from unveil_core.marking.carrying import carried
-from unveil_core.marking.lens import in_footage, in_picture, mask_in_picture
-from unveil_core.marking.network import Networks, Promptable
-from unveil_core.marking.opened import opened
-from unveil_core.marking.outline import object_outline
-from unveil_core.marking.page import PAGE, Shown, sheet_name, write_page
-from unveil_core.marking.polarity import polarity
-from unveil_core.marking.prompts import Prompt, Prompts
-from unveil_core.marking.record import (
+from unveil_core.marking.asked.lens import in_footage, in_picture, mask_in_picture
+from unveil_core.marking.asked.polarity import polarity
+from unveil_core.marking.asked.prompts import Prompt, Prompts
+from unveil_core.marking.asked.record import (
     CLICKS,
     MARKED,
     OfFrame,
@@ -38,9 +33,14 @@ from unveil_core.marking.record import (
     read_record,
     write_record,
 )
-from unveil_core.marking.said import Said, SaidObject, line_drawn, painted_pixels
-from unveil_core.marking.scene_points import scene_points
+from unveil_core.marking.asked.said import Said, SaidObject, line_drawn, painted_pixels
+from unveil_core.marking.carrying import carried
+from unveil_core.marking.network import Networks, Promptable
+from unveil_core.marking.outline import object_outline
+from unveil_core.marking.page import PAGE, Shown, sheet_name, write_page
 from unveil_core.marking.seeds import Seeds
+from unveil_core.marking.space.opened import opened
+from unveil_core.marking.space.scene_points import scene_points
 from unveil_core.pipeline.settings import RunSettings
 
 __all__ = ["MarkedNow", "mark"]
@@ -55,7 +55,7 @@ class MarkedNow:
     """One object as it was written.
 
     Attributes:
-        name, id: see :class:`~unveil_core.marking.record.Recorded`.
+        name, id: see :class:`~unveil_core.marking.asked.record.Recorded`.
         frames: that show it. folder: of its mattes.
     """
 

@@ -20,8 +20,8 @@ from unveil_core.base.networks.session import OnnxSession, OnnxValue
 from unveil_core.base.onnx_files import check_readable, describe, open_onnx, short
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.images import within
+from unveil_core.marking.asked.prompts import Prompt
 from unveil_core.marking.outline import object_outline
-from unveil_core.marking.prompts import Prompt
 from unveil_core.marking.seeds import Seeds
 
 __all__ = ["Networks", "Promptable"]

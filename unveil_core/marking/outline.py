@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Mask
 from unveil_core.geometry.images import disc, within
 from unveil_core.labelling.outlines import cut, joined
-from unveil_core.marking.prompts import Prompt
+from unveil_core.marking.asked.prompts import Prompt
 from unveil_core.marking.seeds import Seeds
 
 __all__ = ["Outliner", "object_outline"]

@@ -17,8 +17,8 @@ from unveil_core.base.files import write_bytes_atomic, write_image_atomic
 from unveil_core.base.output.written import GENERATOR
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive
-from unveil_core.marking.prompts import Prompt, Prompts
-from unveil_core.marking.record import Recorded, key_of
+from unveil_core.marking.asked.prompts import Prompt, Prompts
+from unveil_core.marking.asked.record import Recorded, key_of
 
 __all__ = ["PAGE", "Shown", "contact_sheet", "sheet_name", "write_page"]
 

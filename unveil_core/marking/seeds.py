@@ -13,7 +13,7 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import disc, grow, within
-from unveil_core.marking.scene_points import ABOVE_GROUND_M, ScenePoints
+from unveil_core.marking.space.scene_points import ABOVE_GROUND_M, ScenePoints
 from unveil_core.semantics.visibility import PointsInView
 
 __all__ = ["Seeds", "seeds_of"]

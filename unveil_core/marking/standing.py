@@ -12,10 +12,10 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
+from unveil_core.marking.asked.prompts import Prompts
 from unveil_core.marking.outline import Outliner
-from unveil_core.marking.prompts import Prompts
-from unveil_core.marking.scene_points import ScenePoints
 from unveil_core.marking.seeds import seeds_of
+from unveil_core.marking.space.scene_points import ScenePoints
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 
 __all__ = ["carried_standing", "stood_up"]

@@ -14,16 +14,16 @@ from unveil_core.app.given_settings import settings_of
 from unveil_core.base.errors import SettingsError
 
 if TYPE_CHECKING:  # its module loads NumPy
-    from unveil_core.marking.said import SaidObject
+    from unveil_core.marking.asked.said import SaidObject
 
 __all__ = ["run_mask"]
 
 
 def run_mask(arguments: argparse.Namespace) -> int:
     """Outline what was clicked, write mattes and a page, say how a run takes them."""
+    from unveil_core.marking.asked.record import MARKED
     from unveil_core.marking.mark import mark
     from unveil_core.marking.network import Networks
-    from unveil_core.marking.record import MARKED
     from unveil_core.pipeline.output_place import check_folder_place
 
     given = (arguments.prompt_encoder, arguments.prompt_decoder)
@@ -79,7 +79,7 @@ def said_objects(words: Sequence[tuple[str, str]]) -> list[SaidObject]:
     Raises:
         SettingsError: an option that says none, or a name of which nothing is said.
     """
-    from unveil_core.marking.said import SaidObject, clicked, drawn, of_file, of_folder
+    from unveil_core.marking.asked.said import SaidObject, clicked, drawn, of_file, of_folder
 
     found = [SaidObject(None)]
     for word, value in words:

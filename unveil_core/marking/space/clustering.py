@@ -10,9 +10,9 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.clusters import connected_points
-from unveil_core.marking.min_cut import cut_from
-from unveil_core.marking.prompts import Prompts
-from unveil_core.marking.scene_points import ScenePoints
+from unveil_core.marking.asked.prompts import Prompts
+from unveil_core.marking.space.min_cut import cut_from
+from unveil_core.marking.space.scene_points import ScenePoints
 from unveil_core.semantics.instances import fit_box
 from unveil_core.semantics.visibility import PointsInView
 
