@@ -110,7 +110,12 @@ def test_a_matte_of_one_frame_of_either_polarity(
 def test_strokes_of_a_file_and_of_a_picture(street: Path, tmp_path: Path) -> None:
     rows, columns = np.nonzero(truth(street, 3))
     middle = (float(np.median(columns)), float(np.median(rows)))
-    entry = {"object": "car", "frame": "03", "stroke": [[middle[0] - 6, middle[1]], [middle[0] + 6, middle[1]]], "width": 3}
+    entry = {
+        "object": "car",
+        "frame": "03",
+        "stroke": [[middle[0] - 6, middle[1]], [middle[0] + 6, middle[1]]],
+        "width": 3,
+    }
     (tmp_path / "strokes.json").write_text(json.dumps([entry]))
     assert main(["mask", str(street), "-o", str(tmp_path / "a"), "--stroke", str(tmp_path / "strokes.json")]) == 0
     assert iou(tmp_path / "a", street) > 0.75

@@ -132,6 +132,9 @@ def cluster_around(
     known = np.isin(inside, near)
     own, other = np.searchsorted(near, inside[known]), np.isin(near, outside)
     chosen = _stable(places, own, of[known], other, usual)
+    others_nearer = np.zeros(len(near), dtype=bool)
+    if other.any():
+        others_nearer = cKDTree(places[other] * TALL).query(places * TALL)[0] < away[near]
     if chosen is None or not _one_thing(places[chosen], away[near[chosen]], reach, spread):
         chosen = cut_from(
             places,
@@ -140,7 +143,8 @@ def cluster_around(
             own,
             np.flatnonzero(other),
             gap=float(np.clip(GAPS[0] * usual, SHORTEST_M, LONGEST_M)),
-            far=np.clip((away[near] - reach) / reach, 0.0, 1.0),
+            near=np.where(others_nearer, 0.0, np.clip(1 - away[near] / reach, 0.0, 1.0)),
+            far=np.where(others_nearer, 1.0, np.clip((away[near] - reach) / reach, 0.0, 1.0)),
         )
     found = np.zeros(len(points.positions), dtype=bool)
     found[near[chosen]] = True

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64, Mask
+from unveil_core.geometry.clusters import connected_points
 
 __all__ = ["cut_from"]
 
@@ -25,8 +26,8 @@ HOLLOW = 0.15
 """What remains of a connection across a hollow edge, as between a car and the hedge that it touches."""
 COLOUR = 0.12
 """Difference of colours, from 0 to 1, at which a connection has lost 0.6 of its strength."""
-PULL = 0.12
-"""What a point far from all clicks costs, a share of a full connection."""
+HOLD, PULL = 0.12, 0.12
+"""What a point at a click costs to leave out, and one far from all clicks to keep, shares of a full connection."""
 
 
 def cut_from(
@@ -37,6 +38,7 @@ def cut_from(
     other: NDArray[np.int64],
     *,
     gap: float,
+    near: Float64,
     far: Float64,
 ) -> Mask:
     """(N,) places that belong to the clicked ones.
@@ -45,7 +47,7 @@ def cut_from(
         places, normals: (N, 3); colors: (N, 3) from 0 to 1.
         own, other: indices of what was clicked as the object, and as not.
         gap: longest connection, metres.
-        far: (N,) how far a place is from what clicks can mean, 0 to 1.
+        near: (N,) how near a place is to the clicks, 1 to 0; far: (N,) how far a place is from what clicks can mean, 0 to 1.
     """
     count = len(places)
     k = min(NEIGHBOURS + 1, count)
@@ -64,13 +66,14 @@ def cut_from(
     source, sink = count, count + 1
     kept = np.unique(own)
     lost = np.setdiff1d(other, kept)
+    held = np.round(FULL * HOLD * near).astype(np.int32)
+    held[kept], held[lost] = NO_LIMIT, 0
     pull = np.round(FULL * PULL * far).astype(np.int32)
-    some = np.flatnonzero(pull > 0)
-    rows = np.concatenate([start, end, np.full(len(kept), source), some, lost])
-    columns = np.concatenate([end, start, kept, np.full(len(some), sink), np.full(len(lost), sink)])
-    values = np.concatenate(
-        [capacity, capacity, np.full(len(kept), NO_LIMIT), pull[some], np.full(len(lost), NO_LIMIT)]
-    ).astype(np.int32)
+    pull[lost], pull[kept] = NO_LIMIT, 0
+    close, away_from = np.flatnonzero(held), np.flatnonzero(pull)
+    rows = np.concatenate([start, end, np.full(len(close), source), away_from])
+    columns = np.concatenate([end, start, close, np.full(len(away_from), sink)])
+    values = np.concatenate([capacity, capacity, held[close], pull[away_from]])
     graph: csr_matrix = coo_matrix((values, (rows, columns)), shape=(count + 2,) * 2).tocsr()
     flow = maximum_flow(graph, source, sink).flow
     left = graph - flow
@@ -79,4 +82,9 @@ def cut_from(
     reached = breadth_first_order(left, source, return_predecessors=False)
     found = np.zeros(count + 2, dtype=bool)
     found[reached] = True
+    # A lone point near the clicks, as one of the ground, belongs to nothing.
+    inside = np.flatnonzero(found[:count])
+    cluster = connected_points(places[inside], gap)
+    hit = np.unique(cluster[np.isin(inside, kept)])
+    found[inside] = np.isin(cluster, hit)
     return found[:count]
