@@ -136,6 +136,7 @@ def _add_mask(verbs: _Verbs) -> None:
     )
     p.add_argument("source", type=Path, metavar="DRIVE|WORKSPACE")
     add_words(p)
+    p.add_argument("--moving", action="store_true", help="find what moves, by its motion, where labels tell nothing")
     p.add_argument("--prompt-encoder", type=Path, metavar="FILE.onnx", help="your promptable network: of pictures")
     p.add_argument("--prompt-decoder", type=Path, metavar="FILE.onnx", help="its other half: of clicks")
     p.add_argument(

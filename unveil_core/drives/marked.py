@@ -1,8 +1,8 @@
 """Objects that a person marked, because no label knows them: boxes, or sequences of mattes.
 
 A JSON list; each entry is ``{id, class, centre: [x, y, z], size: [length, width, height], yaw}`` in the drive's coordinates, or
-``{id, class, mattes: FOLDER, shows, of}`` with pictures of any size that are white (``shows: "black"``: black) where the imported
-photographs (``of: "footage"``: the footage, in its lens) show the object.
+``{id, class, mattes: FOLDER, shows, of, moves}`` with pictures of any size that are white (``shows: "black"``: black) where the
+imported photographs (``of: "footage"``: the footage, in its lens) show the object.
 """
 
 from __future__ import annotations
@@ -62,6 +62,7 @@ class MarkedObject:
         mattes: folder of pictures, or None.
         shows: which part of them is the object, one of :data:`SHOWS`.
         of: what they lie over, one of :data:`OF`.
+        moves: it is elsewhere in each frame, as its mattes show.
     """
 
     id: int
@@ -70,6 +71,7 @@ class MarkedObject:
     mattes: Path | None = None
     shows: str = "white"
     of: str = "photograph"
+    moves: bool = False
 
 
 def read_marked(path: Path) -> tuple[MarkedObject, ...]:
@@ -113,7 +115,9 @@ def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
         _one_of(entry.get(key, known[0]), known, f"entry {i}: {key}", path)
         for key, known in (("shows", SHOWS), ("of", OF))
     )
-    return MarkedObject(number, str(entry.get("class", "object")), mattes=folder, shows=shows, of=of)
+    return MarkedObject(
+        number, str(entry.get("class", "object")), mattes=folder, shows=shows, of=of, moves=entry.get("moves") is True
+    )
 
 
 def _one_of(value: Any, known: Sequence[str], what: str, path: Path) -> str:

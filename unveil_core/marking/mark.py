@@ -35,6 +35,7 @@ from unveil_core.marking.asked.record import (
 )
 from unveil_core.marking.asked.said import Said, SaidObject, line_drawn, painted_pixels
 from unveil_core.marking.carrying import carried
+from unveil_core.marking.moving import moving_masks
 from unveil_core.marking.network import Networks, Promptable
 from unveil_core.marking.outline import object_outline
 from unveil_core.marking.page import PAGE, Shown, sheet_name, write_page
@@ -71,6 +72,7 @@ def mark(
     said: Sequence[SaidObject],
     *,
     settings: RunSettings | None = None,
+    moving: bool = False,
     networks: Networks | None = None,
     progress: Progress = no_progress,
     notice: Callable[[str], None] = lambda line: None,
@@ -82,6 +84,7 @@ def mark(
         folder: where to; what an earlier call wrote there is added to.
         said: of objects, those of an earlier call among them; of none, what was painted over since is carried on.
         settings: which part of a drive is read, its scale and up.
+        moving: whether what moves is looked for, too.
         networks: a promptable network of the user's, which then outlines in the place of colours.
         progress: called per frame; notice: what a person should know.
     Returns:
@@ -92,10 +95,10 @@ def mark(
     """
     things = read_record(folder)
     painted = {t.name: edited(folder, t) for t in things}
-    if not any(thing.said for thing in said) and not any(painted.values()):
+    if not any(thing.said for thing in said) and not any(painted.values()) and not moving:
         raise SettingsError(
             "Nothing to outline: neither a click nor a stroke is given, and no matte was painted over",
-            mend="add --click FRAME:X,Y",
+            mend="add --click FRAME:X,Y, or --moving",
         )
     space = opened(source, settings or RunSettings(), progress)
     drive = space.drive
@@ -115,8 +118,7 @@ def mark(
     chosen = [t for t in things if t.name in now and t.frames.keys() | painted.get(t.name, [])]
     names = [*pictures, *(matte_name(t, k) for t in chosen for k in frame_of)]
     pages = [PAGE, *(sheet_name(t) for t in things)]
-    check_writable(folder, [*names, *pages, CLICKS, MARKED], mend=MEND)
-    note_written(folder, [*names, *pages, CLICKS, MARKED])
+    _check_place(folder, [*names, *pages, CLICKS, MARKED])
     for name, picture in pictures.items():
         write_image_atomic(folder / name, picture.astype(np.uint8) * 255)
     cache = FrameCache()
@@ -131,6 +133,22 @@ def mark(
     points = scene_points(drive, space.surface, cache=cache, progress=progress)
     found: list[MarkedNow] = []
     shown: list[Shown] = []
+    motion = moving_masks(drive, points, images.__getitem__, progress) if moving else []
+    if moving and not motion:
+        notice("nothing is seen to move")
+    for k, of_frame in enumerate(motion, start=1):
+        thing = next((t for t in things if t.name == f"moving {k}"), None)
+        if thing is None:
+            thing = new_object(f"moving {k}", things, space.taken)
+            thing.moves = True
+            things.append(thing)
+        shown_in: Sequence[Mask] = [
+            of_frame.get(v, np.zeros((f.camera.height, f.camera.width), dtype=bool)) for v, f in enumerate(drive.frames)
+        ]
+        _check_place(folder, [matte_name(thing, key) for key in frame_of] + [sheet_name(thing)])
+        count = _write(folder, thing, drive, shown_in, painted.get(thing.name, []))
+        found.append(MarkedNow(thing.name, thing.id, count, folder / "mattes" / thing.folder))
+        shown.append(Shown(thing, Prompts(thing.name, {}), shown_in))
     for thing in chosen:
         kept = painted.get(thing.name, [])
         prompts = _prompts(thing, kept, drive, folder, pictures, frame_of)
@@ -143,6 +161,11 @@ def mark(
     write_record(folder, things)
     write_page(folder, things, shown, drive, images.__getitem__)
     return found
+
+
+def _check_place(folder: Path, names: Sequence[str]) -> None:
+    check_writable(folder, names, mend=MEND)
+    note_written(folder, names)
 
 
 def _take(said: Said, thing: Recorded, drive: Drive, folder: Path, pictures: dict[str, Mask]) -> None:

@@ -26,6 +26,8 @@ WHEEL_M = 0.2
 """Points lower than this, metres, are of what the object stands on: it reaches the ground below them."""
 BEFORE_M = 0.4
 """What is nearer than the object's own points beside it by more than this, metres, hides it."""
+AROUND = 5
+"""A point is hidden if most of so many points of other things about it in the picture are nearer."""
 FEWEST_SEEN = 0.02
 """A frame shows an object of whose points in its picture it sees this share."""
 PAD = 0.3
@@ -90,6 +92,8 @@ def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView,
     at = np.stack([seen.columns - x0, seen.rows - y0], axis=1)
     here = ((at >= 0) & (at < (shape[1], shape[0]))).all(axis=1)
     at, depth, mine, height = at[here], seen.depth[here], mine[here], points.over[seen.index[here]]
+    upright = ~mine & ~(height <= ABOVE_GROUND_M)
+    mine[np.flatnonzero(mine)[_behind_others(at, depth, mine, upright)]] = False
     if mine.sum() < 2:
         return None
     gap = float(np.sqrt(max(int(whole.sum()), 1) / mine.sum()))
@@ -100,7 +104,10 @@ def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView,
     possible = within(likely | whole, 1.5 + BESIDE * size + 0.5 * gap)
     before = depth < _own_depth(at, depth, mine) - BEFORE_M
     sure = (cv2.erode(measured.astype(np.uint8), disc(1)).astype(bool) if size > 30 else measured) | legs
-    hidden = _closed_lines(_dotted(at[before & ~mine & ~(height <= ABOVE_GROUND_M)], shape)) & ~sure
+    nearer = _dotted(at[before & upright], shape)
+    hidden = (
+        _closed(nearer, np.clip(1.5 * _apart(at[before & upright]), 1, 1 + 0.06 * size)) | _closed_lines(nearer)
+    ) & ~sure
     behind = ~before & ~mine
     # Points behind are seen through panes, too: low ones count where none of its own lies, the others beside the object only.
     other = _dotted(at[behind & (height <= 0.3 * FOOT_M)], shape) & ~measured
@@ -144,6 +151,29 @@ def _legs(
     for xa, ya, xb, yb in np.clip(np.round(ends), -1e4, 1e5).astype(int).tolist():
         cv2.line(mask, (xa, ya), (xb, yb), 1, 1)
     return mask.astype(bool)
+
+
+def _apart(at: NDArray[np.int64]) -> float:
+    """How far apart points at pixels (K, 2) usually are, pixels; 0 of fewer than three."""
+    return float(np.median(cKDTree(at).query(at, k=3)[0][:, 2])) if len(at) > 2 else 0.0
+
+
+def _behind_others(at: NDArray[np.int64], depth: Float64, mine: Mask, upright: Mask) -> Mask:
+    """(M,) of the object's own points in a window, those that nearer things around them hide: between the points of these one sees
+    through, and what stands close behind is not told apart by a coarse depth buffer.
+
+    Args:
+        at: (K, 2) pixels of all points of the window; depth: (K,).
+        mine: (K,) M of them the object's; upright: (K,) of other things.
+    """
+    own, other = at[mine], at[upright]
+    if len(other) < AROUND or not len(own):
+        return np.zeros(len(own), dtype=bool)
+    reach = max(3.0, 3.0 * _apart(other))
+    away, index = cKDTree(other).query(own, k=AROUND, distance_upper_bound=reach)
+    depths = np.append(depth[upright], np.inf)[index]
+    found: Mask = ((depths < depth[mine][:, None] - BEFORE_M) & np.isfinite(away)).sum(axis=1) > AROUND // 2
+    return found
 
 
 def _own_depth(at: NDArray[np.int64], depth: Float64, mine: Mask) -> Float64:

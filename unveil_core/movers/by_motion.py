@@ -24,8 +24,8 @@ from unveil_core.ground.height_field import HeightField
 __all__ = ["MovingThing", "things_that_move"]
 
 APART_M, FARTHEST_STEP = 1.5, 4
-"""Neighbours were taken this far away, metres, or so many frames before and after: what drives on ahead at the camera's speed hardly
-flows from one frame to the next, whatever it does."""
+"""Neighbours were taken this far away, metres, or so many frames before and after: what drives on ahead at the camera's speed
+hardly flows from one frame to the next, whatever it does."""
 OFF_PX = 0.8
 """A pixel flows otherwise than the static scene by more than so many pixels at 384 px."""
 LEVELS, BETTER = 3.0, 0.85
@@ -35,7 +35,7 @@ AGREE_PX = 1.0
 ASIDE_PX = 1.2
 """A patch that flows off the epipolar lines by more than this, pixels at 384 px, in the median, moves."""
 STANDS = (0.65, 1.5)
-"""A patch may stand still whose depth by its flow is so many times the depth at which its foot meets the ground, or anything between."""
+"""A patch may stand still whose depth by its flow is between so many times the depth at which its foot meets the ground."""
 LEAST_PX = 60
 """Pixels of a patch at 384x256: fewer are noise of the flow."""
 LEAST_FRAMES = 3
@@ -55,7 +55,7 @@ class MovingThing:
 
 @dataclass(frozen=True, eq=False)
 class _Flow:
-    """Flow from a frame to a neighbour (H, W, 2), what of it the static scene does not explain (H, W), pixels, and where it is known."""
+    """Flow from a frame to a neighbour (H, W, 2); what the static scene does not explain (H, W), pixels; and where it is known."""
 
     to: int
     flow: Float32
@@ -75,7 +75,8 @@ def things_that_move(
 
     Args:
         cameras: of all frames; track: indices of the camera's frames, in the order in which they were taken.
-        image: gives the photograph (H, W, 3) of a frame; depth: of the static scene (H, W), metres along the axis, inf where unknown.
+        image: gives the photograph (H, W, 3) of a frame.
+        depth: gives that of the static scene (H, W), metres along the axis, inf where unknown.
         ground: the height of the ground.
     """
     grays = {v: cv2.cvtColor(image(v), cv2.COLOR_RGB2GRAY) for v in track}
@@ -89,7 +90,7 @@ def things_that_move(
             beside = [track[j] for j in (k - step, k + step) if 0 <= j < len(track)]
             flows = [_flow_to(grays[v], grays[u], cameras[v], cameras[u], u, far) for u in beside]
             if step == 1:
-                onward |= {v: f.flow for f in flows if k + 1 < len(track) and f.to == track[k + 1]}
+                onward.update((v, f.flow) for f in flows if k + 1 < len(track) and f.to == track[k + 1])
             if len(flows) == 2:
                 patches[v] += _patches(cameras, v, flows, ground)
         patches[v] = _united(patches[v])
@@ -141,9 +142,7 @@ def _flow_to(
     return _Flow(to, flow.astype(np.float32), np.where(tells, apart, 0.0).astype(np.float32), known & inside)
 
 
-def _patches(
-    cameras: Sequence[Camera], v: int, flows: Sequence[_Flow], ground: HeightField
-) -> list[Mask]:
+def _patches(cameras: Sequence[Camera], v: int, flows: Sequence[_Flow], ground: HeightField) -> list[Mask]:
     """Pixels (H, W) of each patch of a frame that could not stand still."""
     camera = cameras[v]
     scale = scale_from_384(camera.width)
@@ -193,7 +192,9 @@ def _explained(camera: Camera, other: Camera, rays: Float64, flow: Float32) -> t
     unit = line / np.maximum(length, 1e-6)[..., None]
     rest = flow - infinite
     along = (rest * unit).sum(axis=-1)
-    across = np.where(length > 0.2, rest[..., 0] * unit[..., 1] - rest[..., 1] * unit[..., 0], np.hypot(rest[..., 0], rest[..., 1]))
+    across = np.where(
+        length > 0.2, rest[..., 0] * unit[..., 1] - rest[..., 1] * unit[..., 0], np.hypot(rest[..., 0], rest[..., 1])
+    )
     # Exact along the line: the displacement is homographic in inverse depth; near its middle the linear law is within a tenth.
     return across.astype(np.float32), (along / np.maximum(length, 1e-6) / 10.0).astype(np.float32)
 

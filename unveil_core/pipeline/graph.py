@@ -17,6 +17,7 @@ from unveil_core.pipeline.outside import (
     files_of_corrections,
     files_of_drive,
     files_of_marked,
+    files_of_moving_marks,
     files_of_networks,
     files_of_truth,
 )
@@ -50,7 +51,14 @@ STAGES: tuple[Stage, ...] = (
         check=check_segmenter,
     ),
     Stage("objects", later("objects"), ("drive",), ("objects.json", "objects"), ("marked",), outside=files_of_marked),
-    Stage("segment", later("segment"), ("drive",), ("labels.json", "movers", "masks/overlooked"), ("movers",)),
+    Stage(
+        "segment",
+        later("segment"),
+        ("drive",),
+        ("labels.json", "movers", "masks/overlooked"),
+        ("movers",),
+        outside=files_of_moving_marks,
+    ),
     Stage(
         "choose",
         later("choose"),

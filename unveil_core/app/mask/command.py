@@ -56,6 +56,7 @@ def run_mask(arguments: argparse.Namespace) -> int:
             arguments.output,
             said_objects(arguments.said),
             settings=settings_of(arguments),
+            moving=arguments.moving,
             networks=None if given[0] is None else Networks(given[0], given[1]),
             progress=progress,
             notice=notice,

@@ -61,6 +61,7 @@ class Recorded:
         id: in ``marked.json``.
         frames: what was said, by ``CAMERA/FRAME``.
         written: digests of the mattes as they were written, likewise.
+        moves: it was found by its motion.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Recorded:
     id: int
     frames: dict[str, OfFrame] = field(default_factory=dict)
     written: dict[str, str] = field(default_factory=dict)
+    moves: bool = False
 
 
 def key_of(frame: Frame) -> str:
@@ -133,7 +135,7 @@ def _recorded(entry: Any) -> Recorded:
     folder = str(entry["folder"])
     if not folder.replace("-", "_").replace("_", "a").isalnum():
         raise ValueError(f"{folder[:40]!r} is no name of a folder")
-    return Recorded(str(entry["name"]), folder, int(entry["id"]), frames, written)
+    return Recorded(str(entry["name"]), folder, int(entry["id"]), frames, written, bool(entry["moves"]))
 
 
 def write_record(folder: Path, things: list[Recorded]) -> None:
@@ -145,9 +147,19 @@ def write_record(folder: Path, things: list[Recorded]) -> None:
             "id": t.id,
             "frames": {key: vars(said) for key, said in t.frames.items()},
             "written": t.written,
+            "moves": t.moves,
         }
         for t in things
     ]
     write_json_atomic(folder / CLICKS, {"generator": GENERATOR, "objects": objects})
-    marked = [{"id": t.id, "class": t.name, "mattes": f"mattes/{t.folder}", "of": "footage"} for t in things]
+    marked = [
+        {
+            "id": t.id,
+            "class": t.name,
+            "mattes": f"mattes/{t.folder}",
+            "of": "footage",
+            **({"moves": True} if t.moves else {}),
+        }
+        for t in things
+    ]
     write_json_atomic(folder / MARKED, marked)
