@@ -2,7 +2,8 @@
 
     python benchmarks/clicks.py [--data DIR] [--workspace WORKSPACE] [--sheets DIR]
 
-Each car of a scene that stands still and is seen in at least five frames with more than 400 pixels is clicked three times in the
+Each car of a scene that stands still and is seen in at least five frames with more than 400 pixels (of 384x256, more in larger
+pictures) is clicked three times in the
 frame that shows it whole and largest: at random, well inside of its pixels, far from each other; so often with other numbers. The
 intersection over union of its mattes and the true instance maps is taken by frame, of those with more than 400 pixels, and of all
 frames together. The parked street and the country road have exact truth. ``--data`` names a folder with ``pandaset/002``: there the
@@ -26,16 +27,15 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from unveil_core.base.drive_options import DriveOptions  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.drives import open_drive  # noqa: E402
 from unveil_core.drives.drive import Drive  # noqa: E402
-from unveil_core.drives.importing.whole_drive import import_drive  # noqa: E402
+from unveil_core.drives.imported import read_imported  # noqa: E402
 from unveil_core.drives.labels.reading import instances_of  # noqa: E402
 from unveil_core.drives.moved import moved_ids  # noqa: E402
-from unveil_core.labelling.from_boxes import label_frames  # noqa: E402
 from unveil_core.marking.asked.said import Said, SaidObject  # noqa: E402
 from unveil_core.marking.mark import mark  # noqa: E402
+from unveil_core.pipeline.run import run  # noqa: E402
 from unveil_core.pipeline.settings import RunSettings  # noqa: E402
 
 RESULT = HERE / "results/clicks.json"
@@ -66,11 +66,12 @@ def best_frame(maps: Sequence[np.ndarray], number: int) -> int:
 def scores(mattes: Sequence[np.ndarray], maps: Sequence[np.ndarray], number: int) -> dict[str, float]:
     """Intersection over union of an object: mean and worst of its frames, and of all frames together."""
     both, either, of_frames = 0, 0, []
+    least = least_px(maps)
     for matte, m in zip(mattes, maps, strict=True):
         own = m == number
         a, b = int((matte & own).sum()), int((matte | own).sum())
         both, either = both + a, either + b
-        if own.sum() > LEAST_PX:
+        if own.sum() > least:
             of_frames.append(a / b)
     return {
         "frames": len(of_frames),
@@ -110,12 +111,17 @@ def measured(
     return found
 
 
+def least_px(maps: Sequence[np.ndarray]) -> float:
+    """Pixels of an object from which on a frame counts."""
+    return LEAST_PX * (maps[0].shape[1] / 384) ** 2
+
+
 def seen_enough(maps: Sequence[np.ndarray], among: Sequence[int] | None = None) -> list[int]:
     """Objects that enough frames show large enough."""
     sizes = np.zeros((len(maps), 1 << 16), np.int64)
     for k, m in enumerate(maps):
         sizes[k] = np.bincount(m.ravel(), minlength=1 << 16)
-    enough = np.flatnonzero((sizes > LEAST_PX).sum(axis=0) >= LEAST_FRAMES).tolist()
+    enough = np.flatnonzero((sizes > least_px(maps)).sum(axis=0) >= LEAST_FRAMES).tolist()
     return [n for n in enough if n and (among is None or n in among)]
 
 
@@ -145,16 +151,15 @@ def of_sample(name: str, sheets: Path | None, workspace: Path | None = None) -> 
 
 
 def of_pandaset(folder: Path, sheets: Path | None) -> dict[str, object]:
-    options = DriveOptions(frames=PANDASET_FRAMES)
+    settings = RunSettings(frames=PANDASET_FRAMES, work_side=PANDASET_SIDE)
     with tempfile.TemporaryDirectory() as scratch:
-        drive = import_drive(open_drive(folder, options), Path(scratch) / "drive", work_side=PANDASET_SIDE)
+        workspace = run(folder, Path(scratch) / "pandaset_002", settings, until="import")
+        drive = read_imported(workspace.drive_dir)
         moved = moved_ids(drive)
-        found = label_frames(drive)
-        maps = [np.asarray(labels.instance) for labels in found]
+        maps = [instances_of(f) for f in drive.frames]
         cars = {b.id for f in drive.frames for b in f.boxes if b.class_name in ("car", "truck")}
         numbers = seen_enough(maps, sorted(cars - set(moved)))
-        settings = RunSettings(frames=PANDASET_FRAMES)
-        return summed_up(measured(folder, drive, maps, numbers, settings, sheets))
+        return summed_up(measured(workspace.root, drive, maps, numbers, RunSettings(), sheets))
 
 
 def main() -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..formats.boxes import EDGES, SIGNS, SceneBox, box_around
+from ..formats.click_files import is_of_footage
 from ..formats.drive_files import ImportedDrive, read_drive
 from ..formats.files import write_changed
 from ..formats.object_files import read_marks
@@ -99,6 +100,8 @@ def write_marked(
         entry: dict[str, object] = {"id": thing.number, "class": thing.class_name or "object"}
         if thing.source == "mattes":
             entry["mattes"] = os.path.realpath(bpy.path.abspath(thing.mattes))
+            if is_of_footage(Path(entry["mattes"])):
+                entry["of"] = "footage"
         else:
             entry |= _box_entry(_placed(workspace, metre), box_of_marker(thing.marker))
         entries.append(entry)

@@ -169,8 +169,8 @@ def test_mattes_lie_over_the_footage_with_its_lens(tmp_path: Path) -> None:
     filmed = open_drive(path).frames[0]
     bright = cv2.imread(str(filmed.image_path), 0) > 128
     cv2.imwrite(str(tmp_path / f"mattes/{filmed.name}.png"), bright.astype(np.uint8) * 255)
-    entries = [{"id": 1, "mattes": "mattes", "of": of, "shows": s} for of, s in (("footage", "white"),)]
-    entries += [{"id": 2, "mattes": "mattes", "of": "photograph", "shows": "white"}, {"id": 3, "mattes": "mattes", "of": "footage", "shows": "black"}]  # fmt: skip
+    kinds = (("footage", "white"), ("photograph", "white"), ("footage", "black"))
+    entries = [{"id": k, "mattes": "mattes", "of": of, "shows": shows} for k, (of, shows) in enumerate(kinds, start=1)]
     (tmp_path / "marked.json").write_text(json.dumps(entries))
     found = [matte(m, drive, drive.frames[0]) for m in read_marked(tmp_path / "marked.json")]
     assert all(m is not None for m in found)

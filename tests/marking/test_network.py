@@ -21,7 +21,8 @@ INT64 = onnx.TensorProto.INT64
 
 def encoder(path: Path) -> Path:
     """Its features are the normalized picture."""
-    return save(path, [("image", FLOAT, (1, 3, SIDE, SIDE))], [helper.make_node("Identity", ["image"], ["embedding"])], outputs=["embedding"])  # fmt: skip
+    same = helper.make_node("Identity", ["image"], ["embedding"])
+    return save(path, [("image", FLOAT, (1, 3, SIDE, SIDE))], [same], outputs=["embedding"])
 
 
 def decoder(path: Path, features: str = "image_embeddings") -> Path:

@@ -17,7 +17,7 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.marked import file_of_frame, files_named
 from unveil_core.drives.selecting import named_frames
-from unveil_core.marking.asked.lens import in_footage, in_picture, mask_in_picture
+from unveil_core.marking.asked.lens import in_footage, in_picture, mask_in_picture, seen_in_footage
 from unveil_core.marking.asked.polarity import polarity
 from unveil_core.marking.asked.prompts import Prompt, Prompts
 from unveil_core.marking.asked.record import (
@@ -176,7 +176,7 @@ def _take(said: Said, thing: Recorded, drive: Drive, folder: Path, pictures: dic
     assert frame.footage is not None
     camera = frame.footage.camera
     if said.what in ("inside", "outside"):
-        x, y = said.value
+        ((x, y),) = _in_footage([said.value], said.of, frame)
         if not (0 <= x <= camera.width and 0 <= y <= camera.height):
             size = f"{camera.width}x{camera.height}"
             raise SettingsError(
@@ -189,7 +189,9 @@ def _take(said: Said, thing: Recorded, drive: Drive, folder: Path, pictures: dic
     name = f"given/{thing.folder}/{key}_{kind}.png"
     if said.what == "line":
         width, places = said.value
-        mask = line_drawn(width, places, frame)
+        if said.of == "camera":
+            width *= camera.width
+        mask = line_drawn(width, _in_footage(places, said.of, frame), frame)
     else:
         mask = painted_pixels(said.value, frame)
     mask = ~mask if said.what == "matte of black" else mask
@@ -205,6 +207,13 @@ def _take(said: Said, thing: Recorded, drive: Drive, folder: Path, pictures: dic
         mask = mask if before is None else mask | before
     pictures[name] = mask
     setattr(own, kind, name)
+
+
+def _in_footage(places: Sequence[tuple[float, float]], of: str, frame: Frame) -> list[tuple[float, float]]:
+    """Places in pixels of the footage."""
+    if of == "footage":
+        return list(places)
+    return [(float(x), float(y)) for x, y in seen_in_footage(frame, _array(places))]
 
 
 def _of_folder(said: Said, drive: Drive, notice: Callable[[str], None]) -> list[Said]:

@@ -24,13 +24,15 @@ def run_mask(arguments: argparse.Namespace) -> int:
     from unveil_core.marking.asked.record import MARKED
     from unveil_core.marking.mark import mark
     from unveil_core.marking.network import Networks
-    from unveil_core.pipeline.output_place import check_folder_place
+    from unveil_core.pipeline.output_place import check_folder_place, drives_of
+    from unveil_core.workspace.workspace import Workspace, is_workspace
 
     given = (arguments.prompt_encoder, arguments.prompt_decoder)
     if (given[0] is None) != (given[1] is None):
         missing = "--prompt-encoder" if given[0] is None else "--prompt-decoder"
         raise SettingsError("One network of two is given", mend=f"add {missing} FILE.onnx")
-    check_folder_place(arguments.output, [arguments.source])
+    source = arguments.source
+    check_folder_place(arguments.output, drives_of(Workspace.open(source)) if is_workspace(source) else [source])
     told: list[str] = []
     with reporting(arguments.json) as reporter:
 
@@ -52,7 +54,7 @@ def run_mask(arguments: argparse.Namespace) -> int:
             reporter(event(line, "warning"))
 
         found = mark(
-            arguments.source,
+            source,
             arguments.output,
             said_objects(arguments.said),
             settings=settings_of(arguments),

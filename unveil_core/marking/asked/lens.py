@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 
 from unveil_core.base.types import Float64, Mask
-from unveil_core.delivery.lens import work_positions
+from unveil_core.delivery.lens import picture_positions, work_positions
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.importing.frames import at_work_size
 from unveil_core.geometry.images import resampled
 from unveil_core.geometry.lens import undistorted
 
-__all__ = ["in_footage", "in_picture", "mask_in_picture"]
+__all__ = ["in_footage", "in_picture", "mask_in_picture", "seen_in_footage"]
 
 
 def in_picture(frame: Frame, places: Float64) -> Float64:
@@ -23,6 +23,13 @@ def in_picture(frame: Frame, places: Float64) -> Float64:
     if lens is not None:
         flat = undistorted(lens.model, lens.coefficients, flat)
     return flat * [target.fx, target.fy] + [target.cx, target.cy]
+
+
+def seen_in_footage(frame: Frame, shares: Float64) -> Float64:
+    """(N, 2) where the footage shows what the camera sees without its lens at shares (N, 2) of its width and height."""
+    assert frame.footage is not None
+    work = (shares * [frame.camera.width, frame.camera.height]).astype(np.float32)
+    return picture_positions(frame.footage, frame.camera, work).astype(np.float64)
 
 
 def mask_in_picture(frame: Frame, mask: Mask) -> Mask:

@@ -37,11 +37,13 @@ class Said:
         what: "inside" or "outside", a click (x, y); "line", a stroke (width, [(x, y), …]); "stroke" or "matte", a picture;
             "mattes", a folder of such, of frames by their names.
         value: that.
+        of: what places are counted in: "footage", its pixels; or "camera", shares from 0 to 1 of the picture without its lens.
     """
 
     frame: str
     what: str
     value: Any
+    of: str = "footage"
 
 
 @dataclass
@@ -104,7 +106,7 @@ def of_folder(text: str) -> Said:
 
 
 def of_file(path: Path) -> list[SaidObject]:
-    """The clicks and strokes of a file: a list of ``{object, frame, inside, outside, stroke, width}``.
+    """The clicks and strokes of a file: a list of ``{object, frame, inside, outside, stroke, width, of}``.
 
     Raises:
         SettingsError: it holds no such list.
@@ -117,12 +119,14 @@ def of_file(path: Path) -> list[SaidObject]:
         for entry in entries:
             name = None if entry.get("object") is None else str(entry["object"])
             thing = found.setdefault(name, SaidObject(name))
-            frame = str(entry["frame"])
+            frame, of = str(entry["frame"]), str(entry.get("of", "footage"))
+            if of not in ("footage", "camera"):
+                raise ValueError(f"of is footage or camera, not {of[:40]!r}")
             for what in ("inside", "outside"):
-                thing.said += [Said(frame, what, place) for place in _places(entry.get(what, []))]
+                thing.said += [Said(frame, what, place, of) for place in _places(entry.get(what, []))]
             if entry.get("stroke"):
                 width = float(entry.get("width") or 0.0)
-                thing.said.append(Said(frame, "line", (width, _places(entry["stroke"]))))
+                thing.said.append(Said(frame, "line", (width, _places(entry["stroke"])), of))
     except (ValueError, TypeError, KeyError) as error:
         problem = f"Not a file of strokes: {error}"
         mend = 'a list of {"object": "car", "frame": "0007", "inside": [[x, y]], "stroke": [[x, y], …]}'
