@@ -15,11 +15,11 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..formats.boxes import EDGES, SIGNS, SceneBox, box_around
-from ..formats.click_files import is_of_footage
 from ..formats.drive_files import ImportedDrive, read_drive
 from ..formats.files import write_changed
 from ..formats.object_files import read_marks
 from ..scene import blocks
+from .click_files import is_of_footage
 
 __all__ = ["FILE", "FIRST_NUMBER", "alive", "box_of_marker", "free_number", "new_marker", "restore", "write_marked"]
 

@@ -12,7 +12,7 @@ from bpy.props import StringProperty
 from gpu_extras.batch import batch_for_shader
 
 from ..choice import operators_selection, picture_clicks
-from ..formats.click_files import FOLDER, clicks_text, outlined_in
+from ..choice.click_files import FOLDER, clicks_text, outlined_in
 from ..formats.drive_files import read_drive
 from ..formats.files import own_folder, write_whole
 from ..formats.sequences import pictures_in

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .open_safely import LARGEST_STATE, read_bytes
+from ..formats.open_safely import LARGEST_STATE, read_bytes
 
 __all__ = ["FOLDER", "Outlined", "clicks_text", "is_of_footage", "outlined_in"]
 
