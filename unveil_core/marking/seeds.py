@@ -26,6 +26,8 @@ WHEEL_M = 0.2
 """Points lower than this, metres, are of what the object stands on: it reaches the ground below them."""
 BEFORE_M = 0.4
 """What is nearer than the object's own points beside it by more than this, metres, hides it."""
+PANE_M = 0.35
+"""Half the height of a window, metres: no point comes back from it, but one does not see past the car through it either."""
 AROUND = 5
 """A point is hidden if most of so many points of other things about it in the picture are nearer."""
 FEWEST_SEEN = 0.02
@@ -96,18 +98,19 @@ def seeds_of(camera: Camera, points: ScenePoints, own: Mask, seen: PointsInView,
     mine[np.flatnonzero(mine)[_behind_others(at, depth, mine, upright)]] = False
     if mine.sum() < 2:
         return None
+    before = depth < _own_depth(at, depth, mine) - BEFORE_M
+    covered = _covered(at[before & upright], depth[before & upright], camera, size, shape)
+    mine &= ~covered[at[:, 1], at[:, 0]]
+    if mine.sum() < 2:
+        return None
     gap = float(np.sqrt(max(int(whole.sum()), 1) / mine.sum()))
     measured = _closed(_dotted(at[mine], shape), np.clip(1.2 * gap, 1, 1 + 0.06 * size))
     legs = _legs(camera, places, over, np.isin(np.flatnonzero(own), seen.index), (x0, y0), shape)
     # What is closed below the body would be the shade between the wheels.
     likely = (_closed(measured, 1 + CLOSED * size) & (body | ~whole)) | body | legs
     possible = within(likely | whole, 1.5 + BESIDE * size + 0.5 * gap)
-    before = depth < _own_depth(at, depth, mine) - BEFORE_M
     sure = (cv2.erode(measured.astype(np.uint8), disc(1)).astype(bool) if size > 30 else measured) | legs
-    nearer = _dotted(at[before & upright], shape)
-    hidden = (
-        _closed(nearer, np.clip(1.5 * _apart(at[before & upright]), 1, 1 + 0.06 * size)) | _closed_lines(nearer)
-    ) & ~sure
+    hidden = covered & ~sure
     behind = ~before & ~mine
     # Points behind are seen through panes, too: low ones count where none of its own lies, the others beside the object only.
     other = _dotted(at[behind & (height <= 0.3 * FOOT_M)], shape) & ~measured
@@ -156,6 +159,15 @@ def _legs(
 def _apart(at: NDArray[np.int64]) -> float:
     """How far apart points at pixels (K, 2) usually are, pixels; 0 of fewer than three."""
     return float(np.median(cKDTree(at).query(at, k=3)[0][:, 2])) if len(at) > 2 else 0.0
+
+
+def _covered(at: NDArray[np.int64], depth: Float64, camera: Camera, size: float, shape: tuple[int, int]) -> Mask:
+    """Pixels of a window that nearer things cover, by their points at pixels (K, 2): between these, and across their panes."""
+    dots = _dotted(at, shape)
+    if not len(at):
+        return dots
+    pane = PANE_M * camera.fx / float(np.median(depth))
+    return _closed(dots, np.clip(max(1.5 * _apart(at), pane), 1, 1 + 0.25 * size)) | _closed_lines(dots)
 
 
 def _behind_others(at: NDArray[np.int64], depth: Float64, mine: Mask, upright: Mask) -> Mask:

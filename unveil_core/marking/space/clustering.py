@@ -40,16 +40,16 @@ BOX_MARGIN_M = 0.15
 """Around the box of a cluster, metres: what lies in it is of one thing with the cluster that it hangs together with."""
 TALL = np.array([1.0, 1.0, 1.5])
 """How much more a metre counts that a point is higher or lower than the clicks: what is on the street is longer than high."""
-LEAST_REACH_M = 2.0
-"""Clicks mean what lies no farther away than they are apart from each other, and than this, metres."""
-COMPACT = 1.5
-"""A cluster that reaches no farther than so many times that is one thing."""
+LEAST_REACH_M, REACH = 2.0, 0.6
+"""Clicks mean what lies no farther away than this, metres, and than this share of what they are apart from each other."""
+HOLD_M = 1.0
+"""What lies nearer to a click than this, metres, is rather its object's."""
 VEHICLE_M = (6.5, 2.9, 4.3)
-"""Length, width and height of a cluster that is one thing, too, however close together the clicks are: a van with its mirrors. It
-may be longer where clicks are farther apart."""
+"""Length, width and height of a cluster that is one thing, however close together the clicks are: a van with its mirrors. It may be
+longer where clicks are farther apart."""
 LONG = 2.5
 """So many times as long as the clicks are apart."""
-FARTHEST = 3.0
+FARTHEST = 4.0
 """What lies so many times farther away than clicks mean is not looked at."""
 
 
@@ -125,7 +125,7 @@ def cluster_around(
     middles = np.stack([np.median(points.positions[hit], axis=0) for hit in clicks])
     hit = points.positions[inside]
     spread = float(np.linalg.norm(np.ptp(np.concatenate([middles, _bulk(hit)]), axis=0)))
-    reach = max(LEAST_REACH_M, spread)
+    reach = max(LEAST_REACH_M, REACH * spread)
     away = cKDTree(np.concatenate([middles, hit[:: max(1, len(hit) // 200)]]) * TALL).query(points.positions * TALL)[0]
     near = np.flatnonzero(points.standing & (away < FARTHEST * reach))
     places, usual = points.positions[near], float(np.median(points.spacing[inside]))
@@ -135,7 +135,7 @@ def cluster_around(
     others_nearer = np.zeros(len(near), dtype=bool)
     if other.any():
         others_nearer = cKDTree(places[other] * TALL).query(places * TALL)[0] < away[near]
-    if chosen is None or not _one_thing(places[chosen], away[near[chosen]], reach, spread):
+    if chosen is None or not _one_thing(places[chosen], spread):
         chosen = cut_from(
             places,
             points.normals[near],
@@ -143,7 +143,7 @@ def cluster_around(
             own,
             np.flatnonzero(other),
             gap=float(np.clip(GAPS[0] * usual, SHORTEST_M, LONGEST_M)),
-            near=np.where(others_nearer, 0.0, np.clip(1 - away[near] / reach, 0.0, 1.0)),
+            near=np.where(others_nearer, 0.0, np.clip(1 - away[near] / HOLD_M, 0.0, 1.0)),
             far=np.where(others_nearer, 1.0, np.clip((away[near] - reach) / reach, 0.0, 1.0)),
         )
     found = np.zeros(len(points.positions), dtype=bool)
@@ -183,8 +183,7 @@ def _hanging(places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], gap
     return np.isin(cluster, chosen)
 
 
-def _one_thing(places: Float64, away: Float64, reach: float, spread: float) -> bool:
-    """Whether a cluster of places (N, 3) can be what was clicked: it lies around the clicks, or is no larger than a vehicle."""
+def _one_thing(places: Float64, spread: float) -> bool:
+    """Whether a cluster of places (N, 3) can be what was clicked, ``spread`` metres apart: it is no larger than a vehicle."""
     length, width, height = fit_box(places, up_frame(UP), gap=1.0).size
-    vehicle = length <= max(VEHICLE_M[0], LONG * spread) and width <= VEHICLE_M[1] and height <= VEHICLE_M[2]
-    return vehicle or float(away.max()) <= COMPACT * reach
+    return length <= max(VEHICLE_M[0], LONG * spread) and width <= VEHICLE_M[1] and height <= VEHICLE_M[2]
