@@ -22,11 +22,9 @@ CLICK_SHARE, LEAST_PX = 0.02, 3.0
 """Points no farther from a click than this share of the picture's width, and than so many pixels, may be what was clicked."""
 MOST_NEAR = 8
 """Points that a click hits at most, the nearest in the picture."""
-FRONT_M, FRONT_SHARE = 0.6, 0.03
-"""Of the points near a click those count that lie no farther behind the nearest than so many metres and this share of its depth: an
-object's surface is that steep; what is seen past it, or through its panes, lies farther."""
-FEWEST_NEAR = 3
-"""A lone point before all others near a click may be noise."""
+STEP_M, STEP_SHARE = 0.4, 0.02
+"""Points near a click that are farther apart in depth than so many metres and this share of it are of two surfaces: something is
+seen past the object, or stands before it. The surface with most of them was clicked."""
 UNDER_M = 2.5
 """Of the points under a stroke those count that lie no farther from the middle one in depth, metres: a car's half length."""
 GAPS = (5.0, 4.0, 3.2, 2.6, 2.1, 1.7)
@@ -94,13 +92,19 @@ def clicked_points(
         away, index = (a.reshape(len(places), k) for a in tree.query(places, k=k, distance_upper_bound=reach))
         for click in range(len(places)):
             near = standing[index[click][np.isfinite(away[click])]]
-            depth = seen.depth[near]
             if len(near):
-                front = np.sort(depth)[min(FEWEST_NEAR, len(depth)) - 1]
-                near = near[depth <= front * (1 + FRONT_SHARE) + FRONT_M]
+                near = near[_of_one_surface(seen.depth[near])]
                 found.append(seen.index[near])
                 owner.append(np.full(len(near), click))
     return np.concatenate(found), np.concatenate(owner)
+
+
+def _of_one_surface(depth: Float64) -> NDArray[np.int64]:
+    """Which of some depths (N,) follow each other without a step: the most that do, the nearest of as many."""
+    order = np.argsort(depth, kind="stable")
+    steps = np.diff(depth[order]) > STEP_M + STEP_SHARE * depth[order][:-1]
+    groups = np.split(order, np.flatnonzero(steps) + 1)
+    return max(groups, key=len)
 
 
 def _under(points: ScenePoints, seen: PointsInView, drawn: Mask) -> NDArray[np.int64]:
@@ -109,7 +113,7 @@ def _under(points: ScenePoints, seen: PointsInView, drawn: Mask) -> NDArray[np.i
     if not len(hit):
         return np.zeros(0, np.int64)
     middle = float(np.median(seen.depth[hit]))
-    return seen.index[hit[np.abs(seen.depth[hit] - middle) <= UNDER_M + FRONT_SHARE * middle]]
+    return seen.index[hit[np.abs(seen.depth[hit] - middle) <= UNDER_M + STEP_SHARE * middle]]
 
 
 def cluster_around(
