@@ -24,6 +24,7 @@ from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.movers.find import find_movers
+from unveil_core.movers.told import points_told
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.files import frame_file, load_array, load_mask, save_array, save_mask
 
@@ -182,8 +183,9 @@ def _write_told(drive: Drive, told: Sequence[Mask], folder: Path, number: int) -
             shown.append({"camera": frame.camera_name, "frame": frame.name})
     if not shown:
         return []
-    if not (folder / "points.npy").is_file():
-        save_array(np.zeros(len(drive.points.positions), np.uint8), folder / "points.npy")
+    path = folder / "points.npy"
+    before = load_array(path) if path.is_file() else np.zeros(len(drive.points.positions), np.uint8)
+    save_array(((before > 0) | points_told(drive, told)).astype(np.uint8), path)
     return [{"number": number, "class": "object", "evidence": "told", "id": None, "frames": shown}]
 
 
