@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,7 +40,7 @@ from unveil_core.marking.network import Networks, Promptable
 from unveil_core.marking.outline import object_outline
 from unveil_core.marking.page import PAGE, Shown, sheet_name, write_page
 from unveil_core.marking.seeds import Seeds
-from unveil_core.marking.space.opened import opened
+from unveil_core.marking.space.opened import Opened, opened
 from unveil_core.marking.space.scene_points import scene_points
 from unveil_core.pipeline.settings import RunSettings
 
@@ -94,6 +94,7 @@ def mark(
         DriveError, WorkspaceError: the source cannot be read.
     """
     things = read_record(folder)
+    network = None if networks is None else Promptable(networks)
     painted = {t.name: edited(folder, t) for t in things}
     if not any(thing.said for thing in said) and not any(painted.values()) and not moving:
         raise SettingsError(
@@ -115,7 +116,8 @@ def mark(
             for one in _of_folder(it, drive, notice) if it.what == "mattes" else [it]:
                 _take(one, thing, drive, folder, pictures)
         now.append(name)
-    chosen = [t for t in things if t.name in now and t.frames.keys() | painted.get(t.name, [])]
+    # What moves cannot be carried through a scene that stands still: what was painted of it stays, and that is all.
+    chosen = [t for t in things if t.name in now and not t.moves]
     names = [*pictures, *(matte_name(t, k) for t in chosen for k in frame_of)]
     pages = [PAGE, *(sheet_name(t) for t in things)]
     _check_place(folder, [*names, *pages, CLICKS, MARKED])
@@ -123,7 +125,6 @@ def mark(
         write_image_atomic(folder / name, picture.astype(np.uint8) * 255)
     cache = FrameCache()
     images = cache.frames(len(drive.frames), space.image)
-    network = None if networks is None else Promptable(networks)
 
     def outline(v: int, seeds: Seeds | None, prompt: Prompt | None) -> Mask:
         if network is not None:
@@ -133,22 +134,14 @@ def mark(
     points = scene_points(drive, space.surface, cache=cache, progress=progress)
     found: list[MarkedNow] = []
     shown: list[Shown] = []
-    motion = moving_masks(drive, points, images.__getitem__, progress) if moving else []
-    if moving and not motion:
-        notice("nothing is seen to move")
-    for k, of_frame in enumerate(motion, start=1):
-        thing = next((t for t in things if t.name == f"moving {k}"), None)
-        if thing is None:
-            thing = new_object(f"moving {k}", things, space.taken)
-            thing.moves = True
-            things.append(thing)
-        shown_in: Sequence[Mask] = [
-            of_frame.get(v, np.zeros((f.camera.height, f.camera.width), dtype=bool)) for v, f in enumerate(drive.frames)
-        ]
-        _check_place(folder, [matte_name(thing, key) for key in frame_of] + [sheet_name(thing)])
-        count = _write(folder, thing, drive, shown_in, painted.get(thing.name, []))
-        found.append(MarkedNow(thing.name, thing.id, count, folder / "mattes" / thing.folder))
-        shown.append(Shown(thing, Prompts(thing.name, {}), shown_in))
+    if moving:
+        for thing, masks in _moving(moving_masks(drive, points, images.__getitem__, progress), things, space):
+            _check_place(folder, [*(matte_name(thing, key) for key in frame_of), sheet_name(thing)])
+            count = _write(folder, thing, drive, masks, painted.get(thing.name, []))
+            found.append(MarkedNow(thing.name, thing.id, count, folder / "mattes" / thing.folder))
+            shown.append(Shown(thing, Prompts(thing.name, {}), masks))
+        if not found:
+            notice("nothing is seen to move")
     for thing in chosen:
         kept = painted.get(thing.name, [])
         prompts = _prompts(thing, kept, drive, folder, pictures, frame_of)
@@ -161,6 +154,20 @@ def mark(
     write_record(folder, things)
     write_page(folder, things, shown, drive, images.__getitem__)
     return found
+
+
+def _moving(
+    motion: Sequence[dict[int, Mask]], things: list[Recorded], space: Opened
+) -> Iterator[tuple[Recorded, Sequence[Mask]]]:
+    """What moves, by name, and its pixels (H, W) per frame."""
+    for k, of_frame in enumerate(motion, start=1):
+        thing = next((t for t in things if t.name == f"moving {k}"), None)
+        if thing is None:
+            thing = new_object(f"moving {k}", things, space.taken)
+            thing.moves = True
+            things.append(thing)
+        frames = space.drive.frames
+        yield thing, [of_frame.get(v, np.zeros((f.camera.height, f.camera.width), bool)) for v, f in enumerate(frames)]
 
 
 def _check_place(folder: Path, names: Sequence[str]) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -65,6 +66,8 @@ def stood_up(mask: Mask, camera: Camera, ground: HeightField, depth: float | Non
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
+    """Points (P, …) of a scene and of an object in it, which of them are the object's (P,), and what a frame sees of them."""
+
     points: ScenePoints
     own: Mask
     seen: PointsInView
@@ -74,7 +77,7 @@ def _with(points: ScenePoints, more: Float64, camera: Camera, view: PointsInView
     """The points that one frame sees together with those (K, 3) that stand in for an object."""
     count = len(view.index)
     positions = np.concatenate([points.positions[view.index], more])
-    step = np.sqrt(np.prod(np.ptp(more, axis=0)[[0, 2]].clip(0.05)) / len(more))
+    step = float(np.median(cKDTree(more).query(more, k=2)[0][:, 1]))
     spacing = np.concatenate([points.spacing[view.index], np.full(len(more), step)])
     over = np.full(len(more), np.inf) if points.ground is None else points.ground.over(more)
     own = np.arange(len(positions)) >= count
