@@ -135,11 +135,11 @@ def cluster_around(
     places, usual = points.positions[near], float(np.median(points.spacing[inside]))
     known = np.isin(inside, near)
     own, other = np.searchsorted(near, inside[known]), np.isin(near, outside)
-    chosen = _stable(places, own, of[known], other, usual)
+    chosen = _stable(places, own, of[known], other, usual, spread)
     others_nearer = np.zeros(len(near), dtype=bool)
     if other.any():
         others_nearer = cKDTree(places[other] * TALL).query(places * TALL)[0] < away[near]
-    if chosen is None or not _one_thing(places[chosen], spread):
+    if chosen is None:
         chosen = cut_from(
             places,
             points.normals[near],
@@ -160,14 +160,16 @@ def _bulk(places: Float64) -> Float64:
     return np.percentile(places, [10, 90], axis=0)
 
 
-def _stable(places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], other: Mask, usual: float) -> Mask | None:
-    """(N,) the cluster of places (N, 3) around those clicked, by the widest gap that holds with a smaller one, too; None where
-    none does.
+def _stable(
+    places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], other: Mask, usual: float, spread: float
+) -> Mask | None:
+    """(N,) the cluster of places (N, 3) around those clicked, by the widest gap that holds with a smaller one, too, and makes
+    one thing; None where none does.
 
     Args:
         own: (K,) indices of clicked places; of: (K,) their clicks.
         other: (N,) places that were clicked as others.
-        usual: distance between neighbours, metres.
+        usual: distance between neighbours; spread: between the clicks, metres.
     """
     gaps = [float(np.clip(times * usual, SHORTEST_M, LONGEST_M)) for times in GAPS]
     clusters = [_hanging(places, own, of, gap) for gap in gaps]
@@ -176,7 +178,9 @@ def _stable(places: Float64, own: NDArray[np.int64], of: NDArray[np.int64], othe
         if narrower and not (wide & other).any():
             # What a few points join, as a sign beside a van, is left out, but not the object's own sparse parts.
             box = fit_box(places[narrower[-1]], up_frame(UP), gap=1.0)
-            return narrower[-1] | (wide & box.contains(places, up_frame(UP), margin=BOX_MARGIN_M, above=-BOX_MARGIN_M))
+            found = narrower[-1] | (wide & box.contains(places, up_frame(UP), margin=BOX_MARGIN_M, above=-BOX_MARGIN_M))
+            if _one_thing(places[found], spread):
+                return found
     return None
 
 
