@@ -91,8 +91,9 @@ def scene_points(
         progress(v + 1, len(cameras), "seeing points")
         return placed.seen_by(cameras[v], near=NEAR_M)
 
-    known = surface is None and points.colors is not None
-    colors = points.colors[some] / 255.0 if known and points.colors is not None else np.zeros((len(positions), 3))
+    colors = np.zeros((len(positions), 3))
+    if surface is None and points.colors is not None:
+        colors = points.colors[some] / 255.0
     return ScenePoints(
         positions, spacing, normals, colors, over, ground, (cache or FrameCache()).frames(len(cameras), seen)
     )
