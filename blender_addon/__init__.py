@@ -31,6 +31,7 @@ MODULES = (
     "work.operators_workspace",
     "work.operators_run",
     "work.operators_preview",
+    "work.operators_outline",
     "work.operators_plates",
     "work.operators_environment",
     "work.saved.handlers",

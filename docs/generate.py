@@ -28,6 +28,7 @@ ORDER = {
     "bench": "measurements",
     "farm": "many drives, many machines",
     "checkup": "a drive before the wait",
+    "marking": "clicks become objects",
     "pipeline": "stages, runner, settings",
     "forecast": "time, memory, disk to come",
     "report": "the page, videos",

@@ -19,6 +19,7 @@ from ..formats.drive_files import ImportedDrive, read_drive
 from ..formats.files import write_changed
 from ..formats.object_files import read_marks
 from ..scene import blocks
+from .click_files import is_of_footage
 
 __all__ = [
     "FILE",
@@ -118,6 +119,8 @@ def marked_entries(workspace: Path, objects: Sequence[Any], metre: float = 1.0) 
         entry: dict[str, object] = {"id": thing.number, "class": thing.class_name or "object"}
         if thing.source == "mattes":
             entry["mattes"] = os.path.realpath(bpy.path.abspath(thing.mattes))
+            if is_of_footage(Path(entry["mattes"])):
+                entry["of"] = "footage"
         else:
             entry |= _box_entry(_placed(workspace, metre), box_of_marker(thing.marker))
         entries.append(entry)

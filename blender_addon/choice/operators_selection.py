@@ -14,7 +14,7 @@ from ..formats.sequences import pictures_in
 from ..scene import drive_scene, view
 from . import marks, selection
 
-__all__: list[str] = []
+__all__ = ["new_entry"]
 
 BOX_SIZE_M = (4.5, 1.9, 1.6)
 """Of a new box: a car's."""
@@ -133,7 +133,7 @@ class UNVEIL_OT_add_box(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene, collection = context.scene, view.shown_drive(context.scene)
         assert collection is not None
-        thing = _new_entry(scene, self.class_name.strip() or "object", "box")
+        thing = new_entry(scene, self.class_name.strip() or "object", "box")
         x, y, z = scene.cursor.location
         length, width, height = (v * drive_scene.metre_of(scene) for v in BOX_SIZE_M)
         box = SceneBox((x, y, z + height / 2), (length, width, height), _heading(scene))
@@ -170,7 +170,7 @@ class UNVEIL_OT_add_mattes(bpy.types.Operator):
         if not count:
             self.report({"ERROR"}, f"{self.directory}: holds no pictures (choose the folder of a sequence)")
             return {"CANCELLED"}
-        thing = _new_entry(context.scene, self.class_name.strip() or "object", "mattes")
+        thing = new_entry(context.scene, self.class_name.strip() or "object", "mattes")
         thing.mattes, thing.frames = self.directory, count
         return {"FINISHED"}
 
@@ -216,7 +216,7 @@ def _can_mark(cls: type, context: bpy.types.Context) -> bool:
     return ready
 
 
-def _new_entry(scene: bpy.types.Scene, class_name: str, source: str) -> selection.UnveilObject:
+def new_entry(scene: bpy.types.Scene, class_name: str, source: str) -> selection.UnveilObject:
     """A new, chosen entry of the list, made active."""
     listed = scene.unveil_selection
     number = marks.free_number(o.number for o in listed.objects)

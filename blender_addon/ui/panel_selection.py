@@ -127,6 +127,7 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
         for column, text in zip(_columns(layout), ("Object", "Size", "Away", "Seen"), strict=True):
             column.label(text=text)
         layout.template_list("UNVEIL_UL_objects", "", listed, "objects", listed, "active", rows=6)
+        layout.operator("unveil.outline_object", icon="RESTRICT_SELECT_OFF")
         row = layout.row(align=True)
         row.operator("unveil.add_box", icon="CUBE")
         row.operator("unveil.add_mattes", icon="IMAGE_DATA")

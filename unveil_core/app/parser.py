@@ -9,6 +9,7 @@ from typing import Any
 from unveil_core import __version__
 from unveil_core.app.grammar.parsers import CommandParser, MainParser
 from unveil_core.app.grammar.setting_options import add_setting, add_settings
+from unveil_core.app.mask.words import add_words
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.pipeline.settings import QUALITIES
 
@@ -66,6 +67,7 @@ def command_parser() -> MainParser:
     verbs = parser.add_subparsers(dest="verb", required=True, parser_class=CommandParser, metavar="VERB")
     _add_whole_runs(verbs)
     _add_check(verbs)
+    _add_mask(verbs)
     _add_stages(verbs)
     _add_evaluate(verbs)
     _add_render(verbs)
@@ -129,6 +131,22 @@ def _add_check(verbs: _Verbs) -> None:
     )
     _add_replace(p, "write over a page that no check made")
     _add_yes(p)
+    _add_settings(p)
+    _add_common(p)
+
+
+def _add_mask(verbs: _Verbs) -> None:
+    p = verbs.add_parser(
+        "mask", help="outline objects by a few clicks or strokes, in all frames, as mattes for --marked"
+    )
+    p.add_argument("source", type=Path, metavar="DRIVE|WORKSPACE")
+    add_words(p)
+    p.add_argument("--moving", action="store_true", help="find what moves, by its motion, where labels tell nothing")
+    p.add_argument("--prompt-encoder", type=Path, metavar="FILE.onnx", help="your promptable network: of pictures")
+    p.add_argument("--prompt-decoder", type=Path, metavar="FILE.onnx", help="its other half: of clicks")
+    p.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="of the mattes; a later call adds to it"
+    )
     _add_settings(p)
     _add_common(p)
 

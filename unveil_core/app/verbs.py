@@ -16,6 +16,7 @@ from unveil_core.app.batch import run_batch_part
 from unveil_core.app.check import run_check
 from unveil_core.app.console import reporting_for, say
 from unveil_core.app.given_settings import settings_of
+from unveil_core.app.mask.command import run_mask
 from unveil_core.app.parser import STAGE_VERBS
 from unveil_core.app.runs.whole_run import demo, import_drive, run_all, sample_drive
 from unveil_core.base.errors import SettingsError
@@ -209,6 +210,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": run_all,
     "import": import_drive,
     "check": run_check,
+    "mask": run_mask,
     **dict.fromkeys(STAGE_VERBS, _stage),
     "status": _status,
     "run-block": _run_block,

@@ -1,13 +1,15 @@
 """Objects that a person marked, because no label knows them: boxes, or sequences of mattes.
 
 A JSON list; each entry is ``{id, class, centre: [x, y, z], size: [length, width, height], yaw}`` in the drive's coordinates, or
-``{id, class, mattes: FOLDER}`` with pictures of any size that are white where the imported photographs show the object.
+``{id, class, mattes: FOLDER, shows, of, moves}`` with pictures of any size that are white (``shows: "black"``: black) where the
+imported photographs (``of: "footage"``: the footage, in its lens) show the object.
 """
 
 from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,10 +25,25 @@ from unveil_core.base.files import read_json
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.boxes import TrackedBox, read_boxes
 from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.importing.frames import at_work_size
 
-__all__ = ["MarkedObject", "files_named", "marked_objects", "matte", "read_marked"]
+__all__ = [
+    "SHOWS",
+    "MarkedObject",
+    "file_of_frame",
+    "files_named",
+    "marked_ids",
+    "marked_objects",
+    "matte",
+    "read_marked",
+    "shown_part",
+]
 
 MEND = "an entry is a box {id, class, centre, size, yaw} or {id, class, mattes: FOLDER}"
+SHOWS = ("white", "black")
+"""Which part of a matte is the object."""
+OF = ("photograph", "footage")
+"""What a matte lies over: the undistorted photograph of an import, or the footage that it was made of."""
 MOST_FILES = 200_000
 """In a folder of mattes: five hours at ten frames a second; a disk has more."""
 MOST_FOLDERS = 500
@@ -43,12 +60,18 @@ class MarkedObject:
         class_name: what the person calls it.
         box: in the drive's coordinates, or None.
         mattes: folder of pictures, or None.
+        shows: which part of them is the object, one of :data:`SHOWS`.
+        of: what they lie over, one of :data:`OF`.
+        moves: it is elsewhere in each frame, as its mattes show.
     """
 
     id: int
     class_name: str
     box: TrackedBox | None = None
     mattes: Path | None = None
+    shows: str = "white"
+    of: str = "photograph"
+    moves: bool = False
 
 
 def read_marked(path: Path) -> tuple[MarkedObject, ...]:
@@ -72,6 +95,11 @@ def marked_objects(setting: str | None) -> tuple[MarkedObject, ...]:
     return () if setting is None else read_marked(Path(setting))
 
 
+def marked_ids(setting: str | None) -> tuple[int, ...]:
+    """The ids of :func:`marked_objects`: where nothing else labels a drive, all that is marked goes."""
+    return tuple(m.id for m in marked_objects(setting))
+
+
 def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
     if not isinstance(entry, dict):
         raise DriveError(f"entry {i} is no object", path=path, mend=MEND)
@@ -83,7 +111,19 @@ def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
         raise DriveError(f"entry {i}: id {number!r} is no number from 1 to 65535", path=path, mend=MEND)
     if not files_named(folder):
         raise DriveError("holds no pictures to take as mattes", path=folder, mend="name a folder of PNG files")
-    return MarkedObject(number, str(entry.get("class", "object")), mattes=folder)
+    shows, of = (
+        _one_of(entry.get(key, known[0]), known, f"entry {i}: {key}", path)
+        for key, known in (("shows", SHOWS), ("of", OF))
+    )
+    return MarkedObject(
+        number, str(entry.get("class", "object")), mattes=folder, shows=shows, of=of, moves=entry.get("moves") is True
+    )
+
+
+def _one_of(value: Any, known: Sequence[str], what: str, path: Path) -> str:
+    if value not in known:
+        raise DriveError(f"{what} {value!r} is unknown", path=path, mend=f"use {' or '.join(known)}")
+    return str(value)
 
 
 def files_named(folder: Path) -> list[Path]:
@@ -103,27 +143,52 @@ def files_named(folder: Path) -> list[Path]:
     return sorted(found, key=lambda p: natural_key(p.as_posix()))
 
 
-def matte(folder: Path, drive: Drive, frame: Frame) -> NDArray[np.bool_] | None:
-    """(H, W) where the matte of a frame is white, None where it has none.
+def matte(mark: MarkedObject, drive: Drive, frame: Frame) -> NDArray[np.bool_] | None:
+    """(H, W) where a frame shows a marked object, by its matte; None where it has none.
 
     A matte belongs to the frame of its name, ``CAMERA/FRAME.png`` or ``FRAME.png``; where no name fits and there are as many
     files as the drive has frames, to the frame of its place.
 
+    Args:
+        mark: an object with mattes.
+        drive: imported; frame: one of its frames.
     Raises:
         DriveError: it cannot be read.
     """
-    files = files_named(folder)
+    assert mark.mattes is not None
+    path = file_of_frame(files_named(mark.mattes), mark.mattes, drive, frame)
+    if path is None:
+        return None
+    found = shown_part(read_image(path), mark.shows)
+    if mark.of == "footage" and frame.footage is not None and frame.footage.distortion is not None:
+        whole = frame.footage.camera
+        levels = at_work_size(
+            _resized(found, (whole.width, whole.height))[..., None].repeat(3, 2), frame.footage, frame.camera
+        )
+        return np.asarray(levels[..., 0] > 127)
+    return np.asarray(_resized(found, (frame.camera.width, frame.camera.height)) > 127)
+
+
+def file_of_frame(files: Sequence[Path], folder: Path, drive: Drive, frame: Frame) -> Path | None:
+    """Of the pictures in a folder of mattes, as :func:`files_named` has them, that of a frame; None where it has none."""
     own = {p.stem: p for p in files if p.parent == folder}
     own |= {p.stem: p for p in files if p.parent == folder / frame.camera_name}
     path = own.get(frame.name)
     stems = {f.name for f in drive.frames}
     if path is None and len(files) == len(drive.frames) and not any(p.stem in stems for p in files):
         path = files[drive.frames.index(frame)]
-    if path is None:
-        return None
-    picture = read_image(path).max(axis=2)
-    size = (frame.camera.width, frame.camera.height)
-    if picture.shape != size[::-1]:
-        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    white: NDArray[np.bool_] = picture > 127
-    return white
+    return path
+
+
+def shown_part(picture: NDArray[np.uint8], shows: str) -> NDArray[np.uint8]:
+    """(H, W) levels of a matte (H, W, 3), white where the object is."""
+    levels: NDArray[np.uint8] = picture.max(axis=2)
+    return levels if shows == "white" else (255 - levels).astype(np.uint8)
+
+
+def _resized(levels: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    return (
+        levels
+        if levels.shape == size[::-1]
+        else cv2.resize(levels, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    )

@@ -85,12 +85,14 @@ def _thinned(sweeps: Sequence[Sweep], which: str) -> tuple[Sweep, ...]:
     return tuple(sweeps[:: int(which)])
 
 
-def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ...]:
+def named_frames(frames: Sequence[Frame], names: Sequence[str], *, use: str = "to be a keyframe") -> tuple[int, ...]:
     """Indices of the frames that the user names: by stem (``0007``), by camera and stem (``front/0007``), or by number (``7``).
 
     A number is the one by which the stems of a camera count (``frame7``); where they count by none, or none of them has it, it
     is the place in the camera's track, counted from 0. What several cameras have is a keyframe in all of them.
 
+    Args:
+        use: what they are for, in the message.
     Raises:
         SettingsError: there is no such frame.
     """
@@ -106,7 +108,7 @@ def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ..
         if not matches:
             known = sorted(places if None in numbers else (n for n in numbers if n is not None))
             raise SettingsError(
-                f"there is no frame {name!r} to be a keyframe",
+                f"there is no frame {name!r} {use}".rstrip(),
                 mend=f"use numbers from {known[0]} to {known[-1]}, or stems such as {frames[0].name}",
             )
         found += matches

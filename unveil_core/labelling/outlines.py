@@ -12,7 +12,7 @@ from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grab_cut
 from unveil_core.labelling.silhouettes import Silhouette
 
-__all__ = ["outlined"]
+__all__ = ["cut", "joined", "outlined"]
 
 ITERATIONS = 2
 """Rounds of learning colours and cutting; four of them changed 0.03 % of a street's pixels."""
@@ -63,13 +63,13 @@ def _own(image: NDArray[np.uint8], it: Silhouette, hidden: Mask, static: Mask) -
         where = np.flatnonzero(hidden.ravel())
         colors = image[outside]
         picture.reshape(-1, 3)[where] = colors[(where * 7919) % len(colors)]
-    own = _cut(picture, state)
+    own = cut(picture, state)
     own = cv2.morphologyEx((own | sure).astype(np.uint8), cv2.MORPH_CLOSE, disc(2)).astype(bool) & possible
     # A pixel too many is invented, one too few stays as a ghost.
-    return cv2.dilate(_joined(own | sure, sure).astype(np.uint8), disc(1)).astype(bool) & ~static
+    return cv2.dilate(joined(own | sure, sure).astype(np.uint8), disc(1)).astype(bool) & ~static
 
 
-def _cut(image: NDArray[np.uint8], state: NDArray[np.uint8]) -> Mask:
+def cut(image: NDArray[np.uint8], state: NDArray[np.uint8]) -> Mask:
     """GrabCut, on a smaller copy of large windows."""
     height, width = state.shape
     shrink = max(1, -(-max(height, width) // LONGEST_PX))
@@ -98,7 +98,7 @@ def _large(mask: Mask, least: int) -> Mask:
     return large[label]
 
 
-def _joined(own: Mask, sure: Mask) -> Mask:
+def joined(own: Mask, sure: Mask) -> Mask:
     """Without crumbs that hold nothing sure, and without holes."""
     count, label = cv2.connectedComponents(own.astype(np.uint8), connectivity=4)
     keep = np.zeros(count, dtype=bool)

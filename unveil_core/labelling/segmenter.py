@@ -47,8 +47,9 @@ NO_LABELS_HELP = (
     "(1) --segmenter FILE.onnx, a segmentation network of your own exported to ONNX, as a SegFormer trained on Cityscapes or a "
     "YOLO-seg model; (2) masks of what to remove, 8-bit PNGs of the size of the images, 0 = remove, named by mask_path in "
     "transforms.json or lying as masks/NAME.png beside COLMAP's images/; some frames are enough; (3) images of Cityscapes "
-    "trainIds, named by semantic_path; (4) boxes of objects, in the drive or in --marked FILE.json, where folders of mattes can "
-    "stand as well; --instances then chooses among them."
+    "trainIds, named by semantic_path; (4) unveil mask DRIVE -o masks --click FRAME:X,Y, which outlines in all frames what you "
+    "click in one; (5) boxes of objects, in the drive or in --marked FILE.json, where folders of mattes can stand as well; "
+    "--instances then chooses among them."
 )
 """How to get labels, one paragraph: a message, and in the documentation."""
 WINDOW_PX = (1024, 1024)

@@ -17,6 +17,7 @@ from unveil_core.pipeline.outside import (
     files_of_corrections,
     files_of_drive,
     files_of_marked,
+    files_of_moving_marks,
     files_of_networks,
     files_of_truth,
 )
@@ -50,8 +51,22 @@ STAGES: tuple[Stage, ...] = (
         check=check_segmenter,
     ),
     Stage("objects", later("objects"), ("drive",), ("objects.json", "objects"), ("marked",), outside=files_of_marked),
-    Stage("segment", later("segment"), ("drive",), ("labels.json", "movers", "masks/overlooked"), ("movers",)),
-    Stage("choose", later("choose"), ("drive", "objects.json"), ("selection.json",), ("remove", "instances")),
+    Stage(
+        "segment",
+        later("segment"),
+        ("drive",),
+        ("labels.json", "movers", "masks/overlooked"),
+        ("movers",),
+        outside=files_of_moving_marks,
+    ),
+    Stage(
+        "choose",
+        later("choose"),
+        ("drive", "objects.json"),
+        ("selection.json",),
+        ("remove", "instances", "marked"),
+        outside=files_of_marked,
+    ),
     Stage(
         "reconstruct",
         later("reconstruct"),

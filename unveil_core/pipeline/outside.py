@@ -21,6 +21,7 @@ __all__ = [
     "files_of_corrections",
     "files_of_drive",
     "files_of_marked",
+    "files_of_moving_marks",
     "files_of_networks",
     "files_of_truth",
 ]
@@ -55,6 +56,12 @@ def files_of_marked(workspace: Workspace, settings: RunSettings, drive: Path) ->
     path = Path(settings.marked)
     pictures = [p for m in read_marked(path) if m.mattes is not None for p in files_named(m.mattes)]
     return [(p.name, p) for p in (path, *pictures)]
+
+
+def files_of_moving_marks(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
+    """See ``Stage.outside``; the mattes of marked objects that move: another mark does not make the scene anew."""
+    marks = () if settings.marked is None else read_marked(Path(settings.marked))
+    return [(f"{m.id}/{p.name}", p) for m in marks if m.moves and m.mattes is not None for p in files_named(m.mattes)]
 
 
 def files_of_corrections(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:

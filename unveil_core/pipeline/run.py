@@ -148,7 +148,8 @@ def look_at(
     if first and until not in ("import", "objects") and labels in ("drive", "nothing"):
         marked = {m.id for m in marked_objects(settings.marked)}
         listed = [i for i in settings.instances if i not in marked]
-        if listed or settings.remove or not settings.instances:
+        all_marked = labels == "nothing" and marked and not settings.instances
+        if listed or settings.remove or not (settings.instances or all_marked):
             choose_labels(opened, settings.remove, listed)
     if settings.keyframes:
         named_frames(opened.frames, settings.keyframes)

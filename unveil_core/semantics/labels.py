@@ -22,7 +22,15 @@ from unveil_core.drives.labels.codes import BLACK, WHITE
 from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_of
 from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
 
-__all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "frame_labels", "labels_of_frames"]
+__all__ = [
+    "SceneLabels",
+    "choose_labels",
+    "find_labels",
+    "frame_instances",
+    "frame_labels",
+    "has_labels",
+    "labels_of_frames",
+]
 
 
 _T = TypeVar("_T", str, int)
@@ -125,6 +133,11 @@ def find_labels(drive: Drive) -> SceneLabels:
     removed = ("remove",) if removed_pixels else ()
     source = "masks" if masked else "nothing"
     return SceneLabels(LabelSet.keep_remove(), source, removed, (), (kept, removed_pixels))
+
+
+def has_labels(drive: Drive) -> bool:
+    """Whether anything but a person's marks tells what could be removed."""
+    return any(f.semantic_path is not None or f.mask_path is not None for f in drive.frames)
 
 
 def choose_labels(

@@ -276,9 +276,7 @@ def _marked(
         ids = np.where(inside[some], mark.id, 0)
         sightings = sightings_of_points(ids, views).get(mark.id) or _outlines(drive, box, axes)
         return SceneObject(mark.id, mark.class_name, "box", box, int(inside.sum()), tuple(sightings))
-    assert mark.mattes is not None
-    folder = mark.mattes
-    mattes = Frames(len(drive.frames), lambda v: matte(folder, drive, drive.frames[v]))
+    mattes = Frames(len(drive.frames), lambda v: matte(mark, drive, drive.frames[v]))
     inside = vote_mattes(len(some), views, mattes)
     numbers = Frames(len(mattes), lambda v: None if (m := mattes[v]) is None else m.astype(np.int64))
     seen = sightings_in_images(numbers).get(1, [])

@@ -24,6 +24,7 @@ from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.movers.find import find_movers
+from unveil_core.movers.told import points_told
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.files import frame_file, load_array, load_mask, save_array, save_mask
 
@@ -125,6 +126,7 @@ def write_moving(
     progress: Progress,
     cache: FrameCache,
     kept: Kept | None = None,
+    told: Sequence[Mask] | None = None,
 ) -> int:
     """Find the dynamic objects and write ``folder``; returns how many there are.
 
@@ -132,6 +134,7 @@ def write_moving(
         mode: "auto", or "keep" to treat everything as static.
         cache: room for the frames.
         kept: where an interrupted call leaves what the next one goes on from.
+        told: (H, W) per frame, pixels of what a person says moves; None = nothing.
     Raises:
         DriveError: a tracked box of an unknown class.
     """
@@ -162,8 +165,28 @@ def write_moving(
             }
             for m in found.movers
         ]
+    if told is not None:
+        entries += _write_told(drive, told, folder, len(entries) + 1)
     write_json_atomic(folder / "movers.json", entries)
     return len(entries)
+
+
+def _write_told(drive: Drive, told: Sequence[Mask], folder: Path, number: int) -> list[dict[str, object]]:
+    """Add what a person says moves, where nothing else was found; returns its entry, none where that is nowhere."""
+    shown = []
+    for i, frame in enumerate(drive.frames):
+        path = frame_file(folder / "pixels", frame)
+        pixels = read_instance_image(path) if path.is_file() else np.zeros(told[i].shape, np.uint16)
+        more = told[i] & (pixels == 0)
+        if more.any():
+            write_image_atomic(path, np.where(more, number, pixels).astype(np.uint16))
+            shown.append({"camera": frame.camera_name, "frame": frame.name})
+    if not shown:
+        return []
+    path = folder / "points.npy"
+    before = load_array(path) if path.is_file() else np.zeros(len(drive.points.positions), np.uint8)
+    save_array(((before > 0) | points_told(drive, told)).astype(np.uint8), path)
+    return [{"number": number, "class": "object", "evidence": "told", "id": None, "frames": shown}]
 
 
 def read_moving(root: Path) -> Moving:

@@ -25,6 +25,16 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "unveil check street -o look.html --scale 0.31",
         "unveil check street --pose-convention opencv --json",
     ),
+    "mask": (
+        "unveil mask street -o outlined --click 12:640,410 --click 12:700,430",
+        "unveil mask street_empty -o outlined --object van --click 3:200,310 --not 3:200,180",
+        "unveil mask street -o outlined --moving",
+    ),
+    "solve": (
+        "unveil solve clip.mp4 -o street",
+        "unveil solve photographs/ -o street --labels labels/ --camera-height 1.4",
+        "unveil solve clip.mov -o street --focal 26mm --every 2",
+    ),
     "status": (
         "unveil status street_empty",
         "unveil status street_empty --quality high",

@@ -23,7 +23,7 @@ COLUMN = 30
 USAGE_ERROR = 2
 
 VERB_GROUPS = {
-    "start here": ("demo", "check", "run", "import", "status"),
+    "start here": ("demo", "solve", "check", "mask", "run", "import", "status"),
     "results": ("render", "export", "evaluate"),
     "many drives, this machine": ("batch", "run-block", "bench", "doctor", "completion"),
 }

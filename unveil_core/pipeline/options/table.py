@@ -147,7 +147,7 @@ TABLE: tuple[Setting, ...] = (
         label="Objects", metavar="IDS", usual="none",
     ),
     Setting(
-        "marked", FILE, "remove", "objects without labels, by boxes or mattes",
+        "marked", FILE, "remove", "objects without labels, by boxes or mattes, as unveil mask writes them",
         label="Marked Objects", metavar="FILE.json", usual="none", see="input.md#marked-objects", back=("none",),
     ),
     Setting(

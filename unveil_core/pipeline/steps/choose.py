@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from unveil_core.base.files import write_json_atomic
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.marked import marked_ids
 from unveil_core.pipeline.stage import Facts, StageContext
-from unveil_core.semantics.labels import SceneLabels, choose_labels
+from unveil_core.semantics.labels import SceneLabels, choose_labels, has_labels
 from unveil_core.semantics.too_much import MUCH
 from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import known_objects
@@ -17,7 +18,8 @@ def run(context: StageContext) -> Facts:
     """selection.json: what is removed. It is no part of labels.json, so that another choice does not make the scene again."""
     drive = read_imported(context.workspace.drive_dir, points=False)
     settings = context.settings
-    scene = choose_labels(drive, settings.remove, settings.instances, known=known_objects(context.workspace))
+    instances = settings.instances or (() if settings.remove or has_labels(drive) else marked_ids(settings.marked))
+    scene = choose_labels(drive, settings.remove, instances, known=known_objects(context.workspace))
     write_json_atomic(context.output("selection.json"), scene.selection_json())
     return assumed([_much_left(scene)] if scene.removed else [])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.marked import marked_objects, matte
+from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.pipeline.stage import StageContext
 from unveil_core.semantics.classes import GROUND_CLASSES
@@ -113,8 +112,8 @@ def _give_to_marked(
             box = marked_box(mark.box, drive)
             of_surfel[above & box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M)] = mark.id
         elif mark.mattes is not None:
-            of_surfel[above & vote_mattes(len(positions), views, _mattes(mark.mattes, drive))] = mark.id
+            of_surfel[above & vote_mattes(len(positions), views, _mattes(mark, drive))] = mark.id
 
 
-def _mattes(folder: Path, drive: Drive) -> Sequence[NDArray[np.bool_] | None]:
-    return Frames(len(drive.frames), lambda v: matte(folder, drive, drive.frames[v]))
+def _mattes(mark: MarkedObject, drive: Drive) -> Sequence[NDArray[np.bool_] | None]:
+    return Frames(len(drive.frames), lambda v: matte(mark, drive, drive.frames[v]))

@@ -98,7 +98,7 @@ def marked_pixels(
     marked: Sequence[MarkedObject], drive: Drive, frame: Frame, rendered: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
     """(H, W) pixels of marked objects: their mattes where this frame has them, else their ``rendered`` share (H, W)."""
-    mattes = [None if m.mattes is None else matte(m.mattes, drive, frame) for m in marked]
+    mattes = [None if m.mattes is None else matte(m, drive, frame) for m in marked]
     mask = np.zeros(rendered.shape, dtype=bool)
     for own in mattes:
         mask |= rendered > 0.5 if own is None else own

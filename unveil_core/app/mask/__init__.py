@@ -1,0 +1,1 @@
+"""``unveil mask``: its options, and what it does."""

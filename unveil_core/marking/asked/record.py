@@ -1,0 +1,165 @@
+"""What was said of the objects of a folder, and what was written of them: so that more clicks add, and what a person painted stays.
+
+marked.json                          the objects, as a run reads them: ``--marked``
+mattes/NAME/CAMERA/FRAME.png         white where the footage shows the object; may be painted over
+given/NAME/CAMERA/FRAME_stroke.png   what was drawn
+clicks.json                          this record
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.files import read_own_json, write_json_atomic
+from unveil_core.base.output.written import GENERATOR, is_ours
+from unveil_core.drives.drive import Frame
+
+__all__ = [
+    "CLICKS",
+    "MARKED",
+    "OfFrame",
+    "Recorded",
+    "digest",
+    "edited",
+    "key_of",
+    "matte_name",
+    "read_record",
+    "write_record",
+]
+
+CLICKS, MARKED = "clicks.json", "marked.json"
+FIRST_NUMBER = 1001
+"""Ids of marked objects begin here, where few drives have ids of their own."""
+
+
+@dataclass
+class OfFrame:
+    """What was said of an object in one frame.
+
+    Attributes:
+        inside, outside: clicks (x, y) on it and beside it, pixels of the footage from its outer corner.
+        stroke, matte: names of pictures in the folder, of part of it and of all of it; None where there is none.
+    """
+
+    inside: list[tuple[float, float]] = field(default_factory=list)
+    outside: list[tuple[float, float]] = field(default_factory=list)
+    stroke: str | None = None
+    matte: str | None = None
+
+
+@dataclass
+class Recorded:
+    """One object of the folder.
+
+    Attributes:
+        name: what the person calls it; folder: of its mattes, in ``mattes/``.
+        id: in ``marked.json``.
+        frames: what was said, by ``CAMERA/FRAME``.
+        written: digests of the mattes as they were written, likewise.
+        moves: it was found by its motion.
+    """
+
+    name: str
+    folder: str
+    id: int
+    frames: dict[str, OfFrame] = field(default_factory=dict)
+    written: dict[str, str] = field(default_factory=dict)
+    moves: bool = False
+
+
+def key_of(frame: Frame) -> str:
+    """``CAMERA/FRAME``, unique in a drive."""
+    return f"{frame.camera_name}/{frame.name}"
+
+
+def matte_name(thing: Recorded, key: str) -> str:
+    """The file of an object's matte in the folder."""
+    return f"mattes/{thing.folder}/{key}.png"
+
+
+def digest(path: Path) -> str:
+    """Of a file's content."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def edited(folder: Path, thing: Recorded) -> list[str]:
+    """Frames whose mattes were painted over since they were written."""
+    files = ((key, folder / matte_name(thing, key), old) for key, old in thing.written.items())
+    return [key for key, path, old in files if path.is_file() and digest(path) != old]
+
+
+def new_object(name: str, things: Iterable[Recorded], taken: Iterable[int]) -> Recorded:
+    """An object of a name that none has, with an id that none has."""
+    safe = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:60] or "object"
+    folders = {t.folder for t in things}
+    folder = next(f for f in (safe, *(f"{safe}_{k}" for k in range(2, 10_000))) if f not in folders)
+    return Recorded(name, folder, max([FIRST_NUMBER - 1, *taken, *(t.id for t in things)]) + 1)
+
+
+def read_record(folder: Path) -> list[Recorded]:
+    """The objects of a folder; none where it has no record.
+
+    Raises:
+        SettingsError: its clicks.json is damaged, or another program's.
+    """
+    path = folder / CLICKS
+    if not path.is_file():
+        return []
+    try:
+        content: Any = read_own_json(path)
+        if not is_ours(content):
+            raise ValueError("another program wrote it")
+        return [_recorded(entry) for entry in content["objects"]]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise SettingsError(
+            f"Not a record of clicks: {error}", path=path, mend="name another folder with -o"
+        ) from error
+
+
+def _recorded(entry: Any) -> Recorded:
+    frames = {
+        str(key): OfFrame(
+            [(float(x), float(y)) for x, y in said["inside"]],
+            [(float(x), float(y)) for x, y in said["outside"]],
+            None if said["stroke"] is None else str(said["stroke"]),
+            None if said["matte"] is None else str(said["matte"]),
+        )
+        for key, said in entry["frames"].items()
+    }
+    written = {str(key): str(value) for key, value in entry["written"].items()}
+    folder = str(entry["folder"])
+    if not folder.replace("-", "_").replace("_", "a").isalnum():
+        raise ValueError(f"{folder[:40]!r} is no name of a folder")
+    return Recorded(str(entry["name"]), folder, int(entry["id"]), frames, written, bool(entry["moves"]))
+
+
+def write_record(folder: Path, things: list[Recorded]) -> None:
+    """Write ``clicks.json`` and ``marked.json``."""
+    objects = [
+        {
+            "name": t.name,
+            "folder": t.folder,
+            "id": t.id,
+            "frames": {key: vars(said) for key, said in t.frames.items()},
+            "written": t.written,
+            "moves": t.moves,
+        }
+        for t in things
+    ]
+    write_json_atomic(folder / CLICKS, {"generator": GENERATOR, "objects": objects})
+    marked = [
+        {
+            "id": t.id,
+            "class": t.name,
+            "mattes": f"mattes/{t.folder}",
+            "of": "footage",
+            **({"moves": True} if t.moves else {}),
+        }
+        for t in things
+    ]
+    write_json_atomic(folder / MARKED, marked)
