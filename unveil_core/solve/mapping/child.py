@@ -1,0 +1,295 @@
+"""The program that runs pycolmap: started by ``process.py``, and by nobody else.
+
+pycolmap brings libraries of its own, compression among them, that do not agree with OpenCV's and torch's in one process. So this
+module loads nothing of the project. It reads one request, a line of JSON, from standard input and writes lines of JSON to standard
+output: ``{"done", "total", "message"}`` while it works, at the end ``{"answer": …}`` or ``{"error": …}``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+__all__: list[str] = []
+
+LOOKS_S = 1.0
+"""Between looks for the program that started this one."""
+AT_ONCE = 8
+"""Pictures whose features are found, and pairs times four that are matched, between two reports."""
+
+
+def _end_with_parent(parent: int) -> None:
+    """End with the program that started this one, however that ends."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    while os.getppid() == parent:
+        time.sleep(LOOKS_S)
+    os._exit(1)
+
+
+class _Teller:
+    """Writes lines to the program that started this one."""
+
+    def __init__(self) -> None:
+        self.stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        for stream in (1, 2):  # what libraries print is no answer
+            os.dup2(nothing, stream)
+
+    def tell(self, **told: Any) -> None:
+        self.stream.write(json.dumps(told) + "\n")
+        self.stream.flush()
+
+    def progress(self, done: int, total: int, message: str) -> None:
+        self.tell(done=done, total=total, message=message)
+
+
+def _features(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
+    """Features of all pictures that have none in the database yet; one lens for each camera."""
+    import pycolmap
+
+    database, root = request["database"], request["pictures"]
+    known = _known(database)
+    extraction = pycolmap.FeatureExtractionOptions()
+    extraction.num_threads = request["threads"]
+    extraction.max_image_size = request["longest_side"]
+    extraction.sift.max_num_features = request["most_features"]
+    extraction.sift.first_octave = request["first_octave"]
+    total = sum(len(c["names"]) for c in request["cameras"])
+    done = 0
+    for camera in request["cameras"]:
+        names = camera["names"]
+        lens = next((known[n] for n in names if n in known), -1)
+        missing = [n for n in names if n not in known]
+        done += len(names) - len(missing)
+        for start in range(0, len(missing), AT_ONCE):
+            part = missing[start : start + AT_ONCE]
+            reader = pycolmap.ImageReaderOptions()
+            reader.camera_model = camera["model"]
+            if request["masks"]:
+                reader.mask_path = request["masks"]
+            if lens >= 0:
+                reader.existing_camera_id = lens
+            else:
+                reader.camera_params = ",".join(repr(float(p)) for p in camera["parameters"])
+            mode = pycolmap.CameraMode.SINGLE
+            pycolmap.extract_features(database, root, part, mode, reader, extraction)
+            if lens < 0:
+                lens = next((v for k, v in _known(database).items() if k in part), -1)
+            done += len(part)
+            tell.progress(done, total, "finding features")
+    with pycolmap.Database.open(database) as held:
+        counts = {i.name: held.num_keypoints_for_image(i.image_id) for i in held.read_all_images()}
+    return {"features": counts}
+
+
+def _known(database: str) -> dict[str, int]:
+    """The lens of each picture that has features in a database."""
+    import pycolmap
+
+    with pycolmap.Database.open(database) as held:
+        return {i.name: i.camera_id for i in held.read_all_images() if held.exists_keypoints(i.image_id)}
+
+
+def _match(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
+    """Match pairs of pictures, and keep what one motion of the camera explains."""
+    import pycolmap
+
+    database, pairs = request["database"], request["pairs"]
+    options = pycolmap.FeatureMatchingOptions()
+    options.num_threads = request["threads"]
+    pairing = pycolmap.ImportedPairingOptions()
+    verifying = pycolmap.TwoViewGeometryOptions()
+    verifying.ransac.random_seed = request["seed"]
+    place = Path(database).with_suffix(".pairs.txt")
+    pairing.match_list_path = str(place)
+    for start in range(0, len(pairs), 4 * AT_ONCE):
+        place.write_text("".join(f"{a} {b}\n" for a, b in pairs[start : start + 4 * AT_ONCE]), encoding="utf-8")
+        pycolmap.match_image_pairs(database, options, pairing, verifying)
+        tell.progress(min(start + 4 * AT_ONCE, len(pairs)), len(pairs), "matching frames")
+    place.unlink(missing_ok=True)
+    with pycolmap.Database.open(database) as held:
+        names = {i.image_id: i.name for i in held.read_all_images()}
+        found, geometries = held.read_two_view_geometries()
+        ids = [pycolmap.pair_id_to_image_pair(p) if isinstance(p, int) else p for p in found]
+        told = [
+            [names[a], names[b], len(g.inlier_matches), str(g.config).rsplit(".", 1)[-1]]
+            for (a, b), g in zip(ids, geometries, strict=True)
+        ]
+    return {"pairs": told}
+
+
+def _map(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
+    """Cameras and points from matches: of several starts the one that places most pictures."""
+    import pycolmap
+
+    best, best_start = None, -1
+    total = request["count"]
+    for number, start in enumerate(request["starts"]):
+        options = _pipeline(request)
+        options.multiple_models = False
+        options.extract_colors = False
+        options.ba_refine_focal_length = request["refine_focal"]
+        for name in ("init_max_forward_motion", "init_min_tri_angle", "init_min_num_inliers"):
+            setattr(options.mapper, name, start[name])
+        output = Path(request["output"]) / f"start{number}"
+        output.mkdir(parents=True, exist_ok=True)
+        placed = [2]
+
+        def next_picture(placed: list[int] = placed) -> None:
+            placed[0] += 1
+            tell.progress(min(placed[0], total), total, "placing cameras")
+
+        if start.get("focal"):
+            _set_focal(request["database"], start["focal"])
+        models = pycolmap.incremental_mapping(
+            request["database"], request["pictures"], str(output), options, next_image_callback=next_picture
+        )
+        for model in models.values():
+            if best is None or _worth(model) > _worth(best):
+                best, best_start = model, number
+        if best is not None and best.num_reg_images() >= request["enough"]:
+            break
+    if best is None:
+        return {"registered": 0}
+    for _ in range(request["adjustments"]):
+        adjusting = pycolmap.BundleAdjustmentOptions()
+        adjusting.print_summary = False
+        adjusting.refine_focal_length = request["refine_focal"]
+        adjusting.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+        adjusting.ceres.loss_function_scale = 1.0
+        adjusting.ceres.solver_options.num_threads = request["threads"]
+        pycolmap.bundle_adjustment(best, adjusting)
+        pycolmap.ObservationManager(best).filter_all_points3D(request["most_px"], 1.0)
+        tell.progress(total, total, "adjusting cameras and points")
+    return {"start": best_start, **_write(best, request["model"])}
+
+
+def _worth(model: Any) -> tuple[int, int]:
+    return model.num_reg_images(), model.num_points3D()
+
+
+def _pipeline(request: dict[str, Any]) -> Any:
+    import pycolmap
+
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads = request["threads"]
+    options.random_seed = request["seed"]
+    options.min_model_size = 3
+    # Adjusted less often than by default: half the time, the same cameras.
+    options.ba_global_frames_ratio = options.ba_global_points_ratio = 1.4
+    options.ba_global_max_refinements = 2
+    return options
+
+
+def _set_focal(database: str, focal: dict[str, float]) -> None:
+    """Begin again from other focal lengths; ``focal``: pixels by the name of a picture of the camera."""
+    import pycolmap
+
+    with pycolmap.Database.open(database) as held:
+        lens = {i.name: i.camera_id for i in held.read_all_images()}
+        for name, value in focal.items():
+            camera = held.read_camera(lens[name])
+            parameters = list(camera.params)
+            for k in camera.focal_length_idxs():
+                parameters[k] = value
+            camera.params = parameters
+            held.update_camera(camera)
+
+
+def _triangulate(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
+    """Points from matches where all cameras are known: they stay."""
+    import pycolmap
+
+    known = {p["name"]: p for p in request["poses"]}
+    model = pycolmap.Reconstruction()
+    with pycolmap.Database.open(request["database"]) as held:
+        for camera in held.read_all_cameras():
+            model.add_camera_with_trivial_rig(camera)
+        for image in held.read_all_images():
+            if image.name in known:
+                pose = known[image.name]["world_to_camera"]
+                rigid = pycolmap.Rigid3d(_matrix(pose))
+                model.add_image_with_trivial_frame(image, rigid)
+    tell.progress(0, 1, "triangulating")
+    output = Path(request["output"])
+    output.mkdir(parents=True, exist_ok=True)
+    options = _pipeline(request)
+    options.extract_colors = False
+    model = pycolmap.triangulate_points(
+        model, request["database"], request["pictures"], str(output), True, options, False
+    )
+    tell.progress(1, 1, "triangulating")
+    return _write(model, request["model"])
+
+
+def _matrix(pose: list[list[float]]) -> Any:
+    import numpy as np
+
+    return np.asarray(pose, dtype=np.float64)[:3]
+
+
+def _write(model: Any, path: str) -> dict[str, Any]:
+    """A model as arrays in ``path``, and its figures."""
+    import numpy as np
+
+    images = sorted((i for i in model.images.values() if i.has_pose), key=lambda i: i.name)
+    number = {i.image_id: k for k, i in enumerate(images)}
+    lenses = sorted({i.camera_id for i in images})
+    poses = np.stack([np.vstack([i.cam_from_world().matrix(), [0, 0, 0, 1]]) for i in images])
+    ids = sorted(model.points3D)
+    where = {p: k for k, p in enumerate(ids)}
+    seen, pixels, owner = [], [], []
+    for image in images:
+        for point in image.points2D:
+            if point.has_point3D() and point.point3D_id in where:
+                owner.append(number[image.image_id])
+                seen.append(where[point.point3D_id])
+                pixels.append(point.xy)
+    points = [model.points3D[i] for i in ids]
+    cameras = [model.cameras[c] for c in lenses]
+    np.savez(
+        path,
+        names=np.array([i.name for i in images]),
+        lens=np.array([lenses.index(i.camera_id) for i in images]),
+        poses=poses,
+        models=np.array([c.model.name for c in cameras]),
+        sizes=np.array([[c.width, c.height] for c in cameras]),
+        parameters=np.array([json.dumps([float(p) for p in c.params]) for c in cameras]),
+        points=np.array([p.xyz for p in points]).reshape(-1, 3),
+        errors=np.array([p.error for p in points]),
+        seen_by=np.array(owner, dtype=np.int64),
+        seen=np.array(seen, dtype=np.int64),
+        pixels=np.array(pixels, dtype=np.float64).reshape(-1, 2),
+    )
+    return {"registered": len(images), "points": len(points), "error_px": float(model.compute_mean_reprojection_error())}
+
+
+WORK = {"features": _features, "match": _match, "map": _map, "triangulate": _triangulate}
+
+
+def main() -> None:
+    """Do what is asked for, and end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both; the other decides
+    threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+    request = json.loads(sys.stdin.readline())
+    teller = _Teller()
+    try:
+        import pycolmap
+
+        pycolmap.logging.minloglevel = 3
+        pycolmap.set_random_seed(request["seed"])
+        teller.tell(answer=WORK[request["do"]](request, teller))
+    except Exception as error:  # whatever the library says
+        teller.tell(error=f"{type(error).__name__}: {error}")
+
+
+if __name__ == "__main__":
+    main()
