@@ -17,6 +17,7 @@ from unveil_core.app.batch import run_batch_part
 from unveil_core.app.check import run_check
 from unveil_core.app.confirming import confirmed
 from unveil_core.app.console import reporting, say
+from unveil_core.app.footage.solve import drive_of_footage, is_footage_alone, run_solve, without_footage
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import STAGE_VERBS
 from unveil_core.base.errors import DriveError, SettingsError
@@ -50,10 +51,13 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    if is_footage_alone(arguments.drive):
+        return _run_and_sum_up(arguments.drive, arguments, footage=True)
+    without_footage(arguments)
     return _run_and_sum_up(arguments.drive, arguments)
 
 
-def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
+def _run_and_sum_up(drive: Path, arguments: argparse.Namespace, *, footage: bool = False) -> int:
     from unveil_core.pipeline.run import run
 
     until = getattr(arguments, "until", None)
@@ -61,8 +65,10 @@ def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
 
     def begun(yes: bool) -> Workspace:
         with reporting(arguments.json) as reporter:
-            settings = settings_of(arguments)
-            return run(drive, arguments.output, settings, until=until, replace=replace, yes=yes, reporter=reporter)
+            settings, source = settings_of(arguments), drive
+            if footage:
+                source, settings = drive_of_footage(drive, arguments.output, arguments, settings, reporter)
+            return run(source, arguments.output, settings, until=until, replace=replace, yes=yes, reporter=reporter)
 
     workspace = confirmed(arguments, begun)
     if until in (None, "report"):
@@ -262,6 +268,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "demo": _demo,
     "run": _run,
     "import": _import,
+    "solve": run_solve,
     "check": run_check,
     **dict.fromkeys(STAGE_VERBS, _stage),
     "status": _status,

@@ -98,7 +98,9 @@ def _write_colmap(folder: Path, model: Model) -> None:
         lines.append(f"{i + 1} {' '.join(map(repr, pose))} {int(model.lens[i]) + 1} {name}")
         own = order[ends[i] : ends[i + 1]]
         place_in_image[own] = np.arange(len(own))
-        lines.append(" ".join(f"{x:.3f} {y:.3f} {p + 1}" for (x, y), p in zip(model.pixels[own], model.seen[own], strict=True)))
+        lines.append(
+            " ".join(f"{x:.3f} {y:.3f} {p + 1}" for (x, y), p in zip(model.pixels[own], model.seen[own], strict=True))
+        )
     _put(folder / "images.txt", lines)
     lines = ["# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX"]
     order = np.argsort(model.seen, kind="stable")

@@ -153,8 +153,9 @@ def _by_gpx(model: Model, reels: Sequence[Reel], path: Path, up: Float64) -> flo
             path=path,
             mend="give the track of that day, or --speed or --known-length",
         )
-    found = [(f, *(float(np.interp(t, times, places[:, k])) for k in (0, 1))) for f, t in inside]
-    units = _by_places(model, [(f, p[0], p[1]) for f, *p in found], up)
+    north, east = (np.interp([t for _, t in inside], times, places[:, k]) for k in (0, 1))
+    found = [(f, float(a), float(b)) for (f, _), a, b in zip(inside, north, east, strict=True)]
+    units = _by_places(model, found, up)
     if units is None:
         raise DriveError(
             f"covers less than {LEAST_WAY_M:g} m of the footage's way", path=path, mend="give --speed or --known-length"

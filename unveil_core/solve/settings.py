@@ -87,9 +87,7 @@ class SolveSettings:
             ("known-length", self.known_length, (0.1, 1e6), "metres"),
         ):
             if value is not None and not (math.isfinite(value) and least <= value <= most):
-                raise SettingsError(
-                    f"Not a value of --{name}: {value:g}", mend=f"give {least:g} to {most:g} {unit}"
-                )
+                raise SettingsError(f"Not a value of --{name}: {value:g}", mend=f"give {least:g} to {most:g} {unit}")
         scales = ("camera_height", "speed", "known_length", "gpx")
         given = [f"--{n.replace('_', '-')}" for n in scales if getattr(self, n) is not None]
         if len(given) > 1:

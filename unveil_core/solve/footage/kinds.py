@@ -10,7 +10,22 @@ from unveil_core.base.errors import DriveError
 
 __all__ = ["PICTURES", "VIDEOS", "is_clip", "is_footage", "pictures_in"]
 
-VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".m2ts", ".ts", ".mpg", ".mpeg", ".mxf", ".3gp", ".wmv")
+VIDEOS = (
+    ".mp4",
+    ".mov",
+    ".m4v",
+    ".avi",
+    ".mkv",
+    ".webm",
+    ".mts",
+    ".m2ts",
+    ".ts",
+    ".mpg",
+    ".mpeg",
+    ".mxf",
+    ".3gp",
+    ".wmv",
+)
 """Suffixes of clips that FFmpeg decodes."""
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 """Suffixes of photographs that are read."""

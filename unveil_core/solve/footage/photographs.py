@@ -30,7 +30,13 @@ TURNS = {3: cv2.ROTATE_180, 6: cv2.ROTATE_90_CLOCKWISE, 8: cv2.ROTATE_90_COUNTER
 
 
 def take_photographs(
-    source: Path, images: Path, camera: str, frames: str | None, every: int, folder: str, progress: Progress = no_progress
+    source: Path,
+    images: Path,
+    camera: str,
+    frames: str | None,
+    every: int,
+    folder: str,
+    progress: Progress = no_progress,
 ) -> Reel:
     """Copy the photographs of a folder into ``images/FOLDER``, in the order of their names; files that are there stay.
 

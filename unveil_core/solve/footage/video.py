@@ -48,7 +48,9 @@ def decode_clip(
     try:
         with av.open(str(path)) as container:
             if not container.streams.video:
-                raise DriveError("Not a video: it has no pictures", path=path, mend="give a clip or a folder of pictures")
+                raise DriveError(
+                    "Not a video: it has no pictures", path=path, mend="give a clip or a folder of pictures"
+                )
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
             about = _About(container, stream)

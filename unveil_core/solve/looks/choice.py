@@ -69,6 +69,8 @@ def _sharpest(found: list[int], sharpness: Float64, allowed: set[int]) -> list[i
     for k, place in enumerate(found[1:], start=1):
         low = (found[k - 1] + place) // 2 + 1
         high = place if k + 1 == len(found) else (place + found[k + 1]) // 2
-        near = [i for i in range(max(low, result[-1] + 1), max(high, place) + 1) if i in allowed and abs(i - place) <= 1]
+        near = [
+            i for i in range(max(low, result[-1] + 1), max(high, place) + 1) if i in allowed and abs(i - place) <= 1
+        ]
         result.append(max(near, key=lambda i: (sharpness[i], -abs(i - place))) if near else place)
     return sorted(set(result))

@@ -19,8 +19,8 @@ CORNERS, CORNER_QUALITY, CORNER_APART_PX = 800, 0.005, 6
 BACK_PX = 0.7
 """A corner counts that is found again, followed back, so close to where it came from."""
 CUT_LIKENESS = 0.35
-"""Correlation of a frame with its neighbour, brought to it by the flow, below which the two may show different places. Neighbours of
-the same shot are at 0.7 and more, also where cars pass near the camera."""
+"""Correlation of a frame with its neighbour, brought to it by the flow, below which the two may show different places. Those of
+one shot are at 0.7 and more, also where cars pass near the camera."""
 CUT_CORNERS = 25
 """Corners that two frames of one shot share at least."""
 
@@ -44,7 +44,7 @@ class Motion:
 
 def moved(first: Grey, second: Grey, flow: cv2.DISOpticalFlow | None = None) -> Float32:
     """(h, w, 2) motion of each pixel, from a first picture to a second one."""
-    engine = flow or cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    engine = flow or cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     return np.asarray(engine.calc(first, second, None), np.float32)
 
 
@@ -78,7 +78,7 @@ def followed(first: Grey, second: Grey, mask: NDArray[np.bool_] | None = None) -
 
 def motion_of(thumbs: Thumbs, progress: Progress = no_progress) -> Motion:
     """Measure the motion between neighbouring frames."""
-    engine = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    engine = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     count = len(thumbs.frames)
     steps, alike, cuts = np.zeros(count - 1), np.ones(count - 1), []
     before = thumbs.small(0)
@@ -97,12 +97,12 @@ def motion_of(thumbs: Thumbs, progress: Progress = no_progress) -> Motion:
             moving += 1
         before = after
         progress(k + 1, count - 1, "measuring motion")
-    return Motion(steps, alike, tuple(cuts), still / max(1, moving))
+    return Motion(steps, alike, tuple(cuts), np.asarray(still / max(1, moving), np.float32))
 
 
 def _shared(first: Grey, second: Grey) -> int:
     """Features that two pictures share and one motion of a camera explains; photographs far apart are told from cuts by them."""
-    finder = cv2.SIFT_create(1000)
+    finder = cv2.SIFT.create(1000)
     (here, of_here), (there, of_there) = (finder.detectAndCompute(p, None) for p in (first, second))
     if of_here is None or of_there is None or len(of_here) < 8 or len(of_there) < 8:
         return 0

@@ -63,8 +63,7 @@ def check_can_work(
     held = float(np.median([len(a) for a, _ in corners])) if corners else 0.0
     if held < FEWEST_CORNERS:
         raise DriveError(_nothing_held(held, dim, thumbs), path=source, mend=_nothing_mend(dim))
-    flat = [_flatness(*_wide(thumbs, a, b, mask)) for a, b in pairs]
-    flat = [f for f in flat if f is not None]
+    flat = [f for a, b in pairs if (f := _flatness(*_wide(thumbs, a, b, mask))) is not None]
     if len(flat) >= 3 and float(np.median(flat)) > FLAT_SHARE:
         raise DriveError(
             "All that is seen moves as one plane does: the camera only turns, or films a single wall or the bare ground",
@@ -128,9 +127,7 @@ def _sized(mask: NDArray[np.bool_] | None, thumbs: Thumbs) -> NDArray[np.bool_] 
     return np.asarray(cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)) > 0
 
 
-def _wide(
-    thumbs: Thumbs, a: int, b: int, mask: NDArray[np.bool_] | None
-) -> tuple[Float32, Float32]:
+def _wide(thumbs: Thumbs, a: int, b: int, mask: NDArray[np.bool_] | None) -> tuple[Float32, Float32]:
     """Corners followed from one frame to another far one, through those between."""
     start, _ = followed(thumbs.pictures[a], thumbs.pictures[a], _sized(mask, thumbs))
     at, alive = start.copy(), np.ones(len(start), bool)

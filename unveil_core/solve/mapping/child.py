@@ -7,6 +7,7 @@ output: ``{"done", "total", "message"}`` while it works, at the end ``{"answer":
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import json
 import os
@@ -127,53 +128,84 @@ def _match(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
 
 
 def _map(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
-    """Cameras and points from matches: of several starts the one that places most pictures."""
+    """Cameras and points from matches: of several starts the one that explains the most.
+
+    The lens bends nothing while frames are placed: one radial term and the focal length can stand for each other on a straight way,
+    and run away together while there are few frames. At the end it is fitted, and kept where it explains clearly more.
+    """
     import pycolmap
 
-    best, best_start = None, -1
-    total = request["count"]
+    total, tried = request["count"], []
     for number, start in enumerate(request["starts"]):
         options = _pipeline(request)
         options.multiple_models = False
-        options.extract_colors = False
         options.ba_refine_focal_length = request["refine_focal"]
+        options.mapper.abs_pose_refine_focal_length = request["refine_focal"]
+        options.ba_refine_extra_params = options.mapper.abs_pose_refine_extra_params = start["bend"]
         for name in ("init_max_forward_motion", "init_min_tri_angle", "init_min_num_inliers"):
             setattr(options.mapper, name, start[name])
         output = Path(request["output"]) / f"start{number}"
         output.mkdir(parents=True, exist_ok=True)
         placed = [2]
 
-        def next_picture(placed: list[int] = placed) -> None:
+        def next_picture(placed: list[int] = placed, number: int = number) -> None:
             placed[0] += 1
-            tell.progress(min(placed[0], total), total, "placing cameras")
+            tell.progress(min(placed[0], total), total, f"placing cameras, start {number + 1}")
 
-        if start.get("focal"):
-            _set_focal(request["database"], start["focal"])
+        _set_lens(request["database"], start["lenses"])
         models = pycolmap.incremental_mapping(
             request["database"], request["pictures"], str(output), options, next_image_callback=next_picture
         )
-        for model in models.values():
-            if best is None or _worth(model) > _worth(best):
-                best, best_start = model, number
-        if best is not None and best.num_reg_images() >= request["enough"]:
+        tried += [(number, m, m.num_reg_images(), m.compute_mean_reprojection_error()) for m in models.values()]
+        if _settled(tried, request["enough"], request["alike"], request["refine_focal"]):
             break
-    if best is None:
-        return {"registered": 0}
-    for _ in range(request["adjustments"]):
-        adjusting = pycolmap.BundleAdjustmentOptions()
-        adjusting.print_summary = False
-        adjusting.refine_focal_length = request["refine_focal"]
-        adjusting.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-        adjusting.ceres.loss_function_scale = 1.0
-        adjusting.ceres.solver_options.num_threads = request["threads"]
-        pycolmap.bundle_adjustment(best, adjusting)
-        pycolmap.ObservationManager(best).filter_all_points3D(request["most_px"], 1.0)
-        tell.progress(total, total, "adjusting cameras and points")
-    return {"start": best_start, **_write(best, request["model"])}
+    if not tried:
+        return {"registered": 0, "starts": []}
+    most = max(t[2] for t in tried)
+    number, best, _, _ = min((t for t in tried if t[2] >= request["nearly"] * most), key=lambda t: t[3])
+    told = [[n, placed, round(e, 3), round(_focal(m), 1)] for n, m, placed, e in tried]
+    best, bent = _adjusted(best, request, tell)
+    return {"start": number, "starts": told, "bent": bent, **_write(best, request["model"])}
 
 
-def _worth(model: Any) -> tuple[int, int]:
-    return model.num_reg_images(), model.num_points3D()
+def _focal(model: Any) -> float:
+    return float(next(iter(model.cameras.values())).mean_focal_length())
+
+
+def _settled(tried: list[tuple[int, Any, int, float]], enough: int, alike: float, free: bool) -> bool:
+    """Whether two starts place enough frames, and agree on the focal length; of a known one a single start does."""
+    good = [_focal(m) for _, m, placed, _ in tried if placed >= enough]
+    if not free:
+        return bool(good)
+    return any(abs(a - b) < alike * a for k, a in enumerate(good) for b in good[k + 1 :])
+
+
+def _adjusted(model: Any, request: dict[str, Any], tell: _Teller) -> tuple[Any, bool]:
+    """All cameras and points together, with a straight lens and with one that bends; and whether the latter was taken."""
+    import pycolmap
+
+    def adjust(which: Any, bend: bool) -> float:
+        options = pycolmap.BundleAdjustmentOptions()
+        options.print_summary = False
+        options.refine_focal_length = request["refine_focal"]
+        options.refine_extra_params = bend
+        options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
+        options.ceres.loss_function_scale = 1.0
+        options.ceres.solver_options.num_threads = request["threads"]
+        pycolmap.bundle_adjustment(which, options)
+        which.update_point_3d_errors()
+        return float(which.compute_mean_reprojection_error())
+
+    straight = adjust(model, False)
+    pycolmap.ObservationManager(model).filter_all_points3D(request["most_px"], request["least_angle"])
+    straight = adjust(model, False)
+    bent = copy.deepcopy(model)
+    taken = adjust(bent, True) < (1 - request["bend_gain"]) * straight
+    taken = taken or request["always_bent"]
+    tell.progress(1, 1, "adjusting cameras and points")
+    chosen = bent if taken else model
+    pycolmap.ObservationManager(chosen).filter_all_points3D(request["most_px"], request["least_angle"])
+    return chosen, taken
 
 
 def _pipeline(request: dict[str, Any]) -> Any:
@@ -183,23 +215,24 @@ def _pipeline(request: dict[str, Any]) -> Any:
     options.num_threads = request["threads"]
     options.random_seed = request["seed"]
     options.min_model_size = 3
+    options.extract_colors = False
     # Adjusted less often than by default: half the time, the same cameras.
     options.ba_global_frames_ratio = options.ba_global_points_ratio = 1.4
     options.ba_global_max_refinements = 2
+    # On a street points ahead are seen at small angles for long, and few are seen by three frames.
+    options.triangulation.min_angle = options.mapper.filter_min_tri_angle = request["least_angle"]
+    options.mapper.abs_pose_min_num_inliers, options.mapper.abs_pose_min_inlier_ratio = 15, 0.15
     return options
 
 
-def _set_focal(database: str, focal: dict[str, float]) -> None:
-    """Begin again from other focal lengths; ``focal``: pixels by the name of a picture of the camera."""
+def _set_lens(database: str, lenses: dict[str, list[float]]) -> None:
+    """Begin again from other lenses; ``lenses``: parameters by the name of a picture of the camera."""
     import pycolmap
 
     with pycolmap.Database.open(database) as held:
         lens = {i.name: i.camera_id for i in held.read_all_images()}
-        for name, value in focal.items():
+        for name, parameters in lenses.items():
             camera = held.read_camera(lens[name])
-            parameters = list(camera.params)
-            for k in camera.focal_length_idxs():
-                parameters[k] = value
             camera.params = parameters
             held.update_camera(camera)
 
@@ -222,7 +255,6 @@ def _triangulate(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
     output = Path(request["output"])
     output.mkdir(parents=True, exist_ok=True)
     options = _pipeline(request)
-    options.extract_colors = False
     model = pycolmap.triangulate_points(
         model, request["database"], request["pictures"], str(output), True, options, False
     )
@@ -269,7 +301,11 @@ def _write(model: Any, path: str) -> dict[str, Any]:
         seen=np.array(seen, dtype=np.int64),
         pixels=np.array(pixels, dtype=np.float64).reshape(-1, 2),
     )
-    return {"registered": len(images), "points": len(points), "error_px": float(model.compute_mean_reprojection_error())}
+    return {
+        "registered": len(images),
+        "points": len(points),
+        "error_px": float(model.compute_mean_reprojection_error()),
+    }
 
 
 WORK = {"features": _features, "match": _match, "map": _map, "triangulate": _triangulate}

@@ -74,7 +74,7 @@ def mapped(request: dict[str, Any], progress: Progress = no_progress) -> dict[st
                 if stop_asked.is_set():
                     raise Interrupted from None
                 continue
-            told = json.loads(line) if line else {"error": "it ended without an answer"}
+            told: dict[str, Any] = json.loads(line) if line else {"error": "it ended without an answer"}
             if "error" in told:
                 raise UnveilError(f"COLMAP failed at {request['do']}: {told['error']}", mend="run it again: it goes on")
             if "answer" in told:

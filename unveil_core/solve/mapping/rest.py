@@ -1,4 +1,4 @@
-"""Cameras of frames that were not solved: standing, blurred or between others. Points that neighbours show are followed into them."""
+"""Cameras of frames that were not solved, standing or blurred or between others: points of neighbours are followed into them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Float64
-from unveil_core.geometry.transforms import rotation_to_quat, quat_to_rotation
+from unveil_core.geometry.transforms import quat_to_rotation, rotation_to_quat
 from unveil_core.solve.mapping.model import Lens, Model
 
 __all__ = ["placed_rest"]
@@ -19,6 +19,7 @@ WORK_PX = 1280
 """Longer side of the pictures in which points are followed."""
 BACK_PX = 1.0
 """A point counts that is found again, followed back, so close to where it came from."""
+WINDOW, LEVELS = (21, 21), 4
 FEWEST = 20
 """Points that a camera is placed by."""
 OFF_PX = 2.0
@@ -141,9 +142,8 @@ def _followed(marks: _Marks, grey: NDArray[np.uint8]) -> _Marks:
     if not len(marks.pixels):
         return marks
     at = marks.pixels[:, None]
-    options = {"winSize": (21, 21), "maxLevel": 4}
-    there, found, _ = cv2.calcOpticalFlowPyrLK(marks.grey, grey, at, None, **options)
-    back, again, _ = cv2.calcOpticalFlowPyrLK(grey, marks.grey, there, None, **options)
+    there, found, _ = cv2.calcOpticalFlowPyrLK(marks.grey, grey, at, None, winSize=WINDOW, maxLevel=LEVELS)
+    back, again, _ = cv2.calcOpticalFlowPyrLK(grey, marks.grey, there, None, winSize=WINDOW, maxLevel=LEVELS)
     good = (found[:, 0] > 0) & (again[:, 0] > 0) & (np.linalg.norm((back - at)[:, 0], axis=1) < BACK_PX)
     return _Marks(grey, marks.points[good], there[good, 0], marks.pose)
 

@@ -53,11 +53,11 @@ def dense_points(
     """
     chosen = [pair for track in tracks for pair in _chosen(cameras, track, height)]
     size = height if height is not None else _typical_step(cameras, tracks) * 2
-    engine = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    engine = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     ground = None if height is None else Ground(up, height)
     held: dict[int, tuple[Looked, Picture, Mask | None]] = {}
-    cell, parts, done = CELL * size, _Cells(), 0
-    for i, others in chosen:
+    cell, parts = CELL * size, _Cells()
+    for done, (i, others) in enumerate(chosen, start=1):
         for k in (i, *others):
             if k not in held:
                 colour, hidden = picture(k)
@@ -71,7 +71,6 @@ def dense_points(
         pixels = np.stack([columns + 0.5, rows + 0.5], axis=1)
         places = looked.camera.centre + looked.camera.rays_at(pixels) * far[:, None]
         parts.add(places, far / (NEAR * size), colour[rows, columns], cell)
-        done += 1
         oldest = min((k for _, o in chosen[done : done + 1] for k in o), default=i)
         for k in [k for k in held if k < min(oldest, i) - 2]:
             del held[k]
@@ -132,7 +131,9 @@ class _Cells:
             self.origin, self.cell = places.mean(axis=0), cell
         level = np.ceil(np.log2(np.maximum(far, 1.0))).astype(np.int64)
         index = np.floor((places - self.origin) / (cell * 2.0 ** level[:, None])).astype(np.int64)
-        key = (level << 60) ^ ((index[:, 0] & 0xFFFFF) << 40) ^ ((index[:, 1] & 0xFFFFF) << 20) ^ (index[:, 2] & 0xFFFFF)
+        key = (
+            (level << 60) ^ ((index[:, 0] & 0xFFFFF) << 40) ^ ((index[:, 1] & 0xFFFFF) << 20) ^ (index[:, 2] & 0xFFFFF)
+        )
         keys, where, counts = np.unique(key, return_inverse=True, return_counts=True)
         values = np.concatenate([places - self.origin, colours], axis=1)
         sums = np.stack([np.bincount(where, values[:, k]) for k in range(6)], axis=1) / counts[:, None]
@@ -153,7 +154,7 @@ class _Cells:
             good[keep[:: -(-len(keep) // MOST_POINTS)]] = True
         means = means[good]
         places = means[:, :3].astype(np.float64)
-        lonely = _lonely(places, self.cell * 2.0 ** (keys[good] >> 60))
+        lonely = _lonely(places, np.asarray(self.cell * 2.0 ** (keys[good] >> 60), np.float64))
         return PointCloud(places[~lonely] + self.origin, np.clip(np.round(means[~lonely, 3:]), 0, 255).astype(np.uint8))
 
 

@@ -2,8 +2,8 @@
 
 Optical flow fails on the road: near the camera it moves by a tenth of the picture between two frames, and has little to hold on to.
 So the neighbour is first brought to the frame as if all it showed were the ground's plane, and the flow finds what is left. Both
-flows, with and without, are tried for each pixel: the one counts that lies nearer to the line on which the cameras allow it. A depth
-is kept where two neighbours agree on it.
+flows, with and without, are tried for each pixel: the one counts that lies nearer to the line on which the cameras allow it. A
+depth is kept where two neighbours agree on it.
 """
 
 from __future__ import annotations
@@ -88,7 +88,9 @@ def _by_neighbour(
 ) -> tuple[Float64, Float64]:
     """(H, W) inverse depth of a frame's pixels by one neighbour, NaN = none, and (H, W) how many pixels the match moves for a unit
     of it."""
-    columns, rows = np.meshgrid(np.arange(frame.camera.width, dtype=np.float32), np.arange(frame.camera.height, dtype=np.float32))
+    columns, rows = np.meshgrid(
+        np.arange(frame.camera.width, dtype=np.float32), np.arange(frame.camera.height, dtype=np.float32)
+    )
     flow = np.asarray(engine.calc(frame.grey, other.grey, None), np.float32)
     best = _along_lines(frame.camera, other.camera, columns + flow[..., 0], rows + flow[..., 1])
     if ground is not None and (homography := _of_plane(frame.camera, other.camera, ground)) is not None:

@@ -1,0 +1,147 @@
+"""Real sequences whose cameras are known, solved as plain images: how many frames are placed, how far off the way is, and how long
+it takes. Where labels lie beside a sequence they are given.
+
+    .venv/bin/python benchmarks/solve.py --data DIR [--only kitti,lund] [--keep DIR] [-o benchmarks/results/solve.json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import shutil
+import tempfile
+import time
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from unveil_core.base.drive_options import DriveOptions
+from unveil_core.base.errors import UnveilError
+from unveil_core.drives import open_drive
+from unveil_core.drives.drive import Drive
+from unveil_core.drives.scale_and_up import place_drive
+from unveil_core.solve.settings import SolveSettings
+from unveil_core.solve.solve import solve
+
+MEND = "given by --data, laid out as the datasets release it"
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Attributes: drive: relative to the data; options: of its reader; labels: folder by frame stem, "" = none."""
+
+    drive: str
+    options: DriveOptions
+    labels: str = ""
+    metric: bool = True
+
+
+SEQUENCES = {
+    "kitti": Sequence("kitti_raw", DriveOptions(), "kitti_raw/labels/image_02"),
+    "pandaset": Sequence("pandaset/002", DriveOptions(cameras=("front_camera",))),
+    "lund": Sequence("lund", DriveOptions(), "lund/labels", metric=False),
+    "nuscenes": Sequence(
+        "nuscenes", DriveOptions(cameras=("CAM_FRONT",), sweeps="key"), "nuscenes/labels/CAM_FRONT"
+    ),
+}
+
+
+def plain_images(drive: Drive, labels: Path | None, folder: Path) -> tuple[Path, Path | None]:
+    """The photographs of a drive by number alone, and labels named likewise."""
+    images, own = folder / "frames", folder / "labels"
+    images.mkdir(parents=True)
+    for k, frame in enumerate(drive.frames):
+        shutil.copyfile(frame.image_path, images / f"{k:04d}{frame.image_path.suffix}")
+        if labels is not None:
+            own.mkdir(exist_ok=True)
+            shutil.copyfile(labels / f"{frame.image_path.stem}.png", own / f"{k:04d}.png")
+    return images, None if labels is None else own
+
+
+def measured(name: str, data: Path, keep: Path, thorough: bool) -> dict[str, object]:
+    """Solve a sequence and compare it with its true cameras."""
+    sequence = SEQUENCES[name]
+    truth = open_drive(data / sequence.drive, sequence.options)
+    height = place_drive(truth, camera_height_m=1.0).height if sequence.metric else None
+    folder = keep / name
+    shutil.rmtree(folder, ignore_errors=True)
+    images, labels = plain_images(truth, data / sequence.labels if sequence.labels else None, folder)
+    settings = SolveSettings(labels=labels, camera_height=None if height is None else round(height, 3), thorough=thorough)
+    load, begun = os.getloadavg()[0], time.monotonic()
+    solved = solve([images], folder / "drive", settings)
+    seconds = time.monotonic() - begun
+    found = open_drive(solved.drive)
+    by_name = {f.name: f for f in found.frames}
+    pairs = [(f, by_name[f"{k:04d}"]) for k, f in enumerate(truth.frames) if f"{k:04d}" in by_name]
+    here = np.stack([b.camera.centre for _, b in pairs])
+    there = np.stack([a.camera.centre for a, _ in pairs])
+    scale, turn, shift = similarity(here, there)
+    off = np.linalg.norm(scale * here @ turn.T + shift - there, axis=1)
+    way = float(np.linalg.norm(np.diff(there, axis=0), axis=1).sum())
+    angles = [angle_deg(a.camera.camera_to_world[:3, :3], turn @ b.camera.camera_to_world[:3, :3]) for a, b in pairs]
+    focal = pairs[0][1].camera.fx / pairs[0][0].camera.fx
+    return {
+        "frames": len(truth.frames),
+        "placed": len(pairs),
+        "solved": solved.facts["solved"],
+        "standing": solved.facts["standing"],
+        "way_units": round(way, 3),
+        "error_percent_of_way": round(100 * float(np.sqrt((off**2).mean())) / way, 3),
+        "rotation_deg": round(float(np.median(angles)), 3),
+        "focal_percent": round(100 * (focal - 1), 2),
+        "scale_percent": None if height is None else round(100 * (1 / scale - 1), 2),
+        "camera_height": None if height is None else round(height, 3),
+        "error_px": solved.facts["error_px"],
+        "points": solved.facts["points"],
+        "seconds_a_frame": round(seconds / len(truth.frames), 2),
+        "size": f"{truth.frames[0].camera.width}x{truth.frames[0].camera.height}",
+        "load_before": round(load, 1),
+    }
+
+
+def similarity(here: np.ndarray, there: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Scale, rotation and shift that bring points (N, 3) nearest to others (Umeyama 1991)."""
+    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
+    u, s, vt = np.linalg.svd(b.T @ a)
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    turn = u @ flip @ vt
+    scale = float((s * np.diag(flip)).sum() / (a**2).sum())
+    return scale, turn, there.mean(axis=0) - scale * turn @ here.mean(axis=0)
+
+
+def angle_deg(first: np.ndarray, second: np.ndarray) -> float:
+    """Angle between two rotations."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(first.T @ second) - 1) / 2, -1, 1))))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--only", default=",".join(SEQUENCES))
+    parser.add_argument("--keep", type=Path, default=None)
+    parser.add_argument("--thorough", action="store_true")
+    parser.add_argument("-o", "--output", type=Path, default=None)
+    given = parser.parse_args()
+    keep = given.keep or Path(tempfile.mkdtemp())
+    results: dict[str, object] = {}
+    if given.output is not None and given.output.is_file():
+        results = json.loads(given.output.read_text())["sequences"]
+    for name in given.only.split(","):
+        key = f"{name}, thorough" if given.thorough else name
+        try:
+            results[key] = measured(name, given.data, keep, given.thorough)
+        except UnveilError as error:
+            results[key] = {"error": str(error)}
+        print(key, json.dumps(results[key]), flush=True)
+    if given.output is not None:
+        about = {"machine": platform.processor() or platform.machine(), "cores": os.cpu_count()}
+        about |= {"pycolmap": version("pycolmap"), "opencv": version("opencv-contrib-python-headless")}
+        given.output.write_text(json.dumps({**about, "sequences": results}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
