@@ -24,6 +24,8 @@ from unveil_core.base.errors import UnveilError
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.scale_and_up import place_drive
+from unveil_core.geometry.transforms import nearest_rotation
+from unveil_core.solve.placing import height_over_way
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.solve import solve
 
@@ -66,7 +68,7 @@ def measured(name: str, data: Path, keep: Path, thorough: bool) -> dict[str, obj
     """Solve a sequence and compare it with its true cameras."""
     sequence = SEQUENCES[name]
     truth = open_drive(data / sequence.drive, sequence.options)
-    height = place_drive(truth, camera_height_m=1.0).height if sequence.metric else None
+    height = true_height(truth) if sequence.metric else None
     folder = keep / name
     shutil.rmtree(folder, ignore_errors=True)
     images, labels = plain_images(truth, data / sequence.labels if sequence.labels else None, folder)
@@ -82,7 +84,10 @@ def measured(name: str, data: Path, keep: Path, thorough: bool) -> dict[str, obj
     scale, turn, shift = similarity(here, there)
     off = np.linalg.norm(scale * here @ turn.T + shift - there, axis=1)
     way = float(np.linalg.norm(np.diff(there, axis=0), axis=1).sum())
-    angles = [angle_deg(a.camera.camera_to_world[:3, :3], turn @ b.camera.camera_to_world[:3, :3]) for a, b in pairs]
+    # The way alone does not tell how the cameras roll about it: their directions are compared by themselves.
+    poses = [(a.camera.camera_to_world[:3, :3], b.camera.camera_to_world[:3, :3]) for a, b in pairs]
+    between = nearest_rotation(sum(a @ b.T for a, b in poses))[0]
+    angles = [angle_deg(a, between @ b) for a, b in poses]
     focal = pairs[0][1].camera.fx / pairs[0][0].camera.fx
     return {
         "frames": len(truth.frames),
@@ -101,6 +106,15 @@ def measured(name: str, data: Path, keep: Path, thorough: bool) -> dict[str, obj
         "size": f"{truth.frames[0].camera.width}x{truth.frames[0].camera.height}",
         "load_before": round(load, 1),
     }
+
+
+def true_height(truth: Drive) -> float:
+    """Of the cameras over the way, metres, by the LiDAR."""
+    roughly = place_drive(truth, camera_height_m=1.0).height
+    assert roughly is not None
+    points = np.concatenate([s.read().positions for s in truth.sweeps[:: max(1, len(truth.sweeps) // 12)]])
+    centres = [f.camera.centre for f in truth.frames]
+    return height_over_way(centres, points, np.array([0.0, 0.0, 1.0]), roughly) or roughly
 
 
 def similarity(here: np.ndarray, there: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

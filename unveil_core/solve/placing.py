@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
-from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.drives.drive import Drive, Frame, PointCloud, tracks
 from unveil_core.drives.scale_and_up import CAMERA_HEIGHT_M, camera_height, measured_up
 from unveil_core.geometry.axes import upright
 from unveil_core.geometry.similarity import Similarity
@@ -19,10 +20,14 @@ from unveil_core.solve.gpx import level_metres, read_gpx
 from unveil_core.solve.mapping.model import Model
 from unveil_core.solve.settings import SolveSettings
 
-__all__ = ["Placed", "as_drive", "placed", "up_and_height"]
+__all__ = ["Placed", "as_drive", "height_over_way", "placed", "up_and_height"]
 
 FEWEST_PLACES = 3
 """Places of a GPS receiver that tell the scale."""
+BESIDE, AROUND, FINE, CLOSE = 0.6, 0.35, 0.1, 0.05
+"""In heights of the camera: points so far beside the way are below it; drops so far from the rough height count; steps of the way;
+and how close the drops lie that agree."""
+FEWEST_BELOW = 60
 LEAST_WAY_M = 20.0
 """Way that they tell it over: receivers are off by metres."""
 
@@ -62,7 +67,40 @@ def up_and_height(model: Model, cameras: Sequence[str], points: PointCloud) -> t
     where no ground is seen."""
     drive = as_drive(model, cameras, points)
     up, source = measured_up(drive)
-    return up, source, camera_height(drive, up)
+    roughly = camera_height(drive, up)
+    if roughly is None:
+        return up, source, None
+    below = height_over_way([drive.frames[i].camera.centre for i in tracks(drive)[0]], points.positions, up, roughly)
+    return up, source, roughly if below is None else below
+
+
+def height_over_way(centres: Sequence[Float64], points: Float64, up: Float64, roughly: float) -> float | None:
+    """Height of a camera above what it drives over, in units of its positions; None where too few points lie there.
+
+    What lies beside the way is often higher by a kerb, which is a tenth of a camera's height.
+
+    Args:
+        centres: (3,) each, in order; points: (P, 3); up: (3,) unit; roughly: the height as all points below the cameras tell it.
+    """
+    way = np.stack(centres)
+    steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    if along[-1] < roughly:
+        return None
+    fine = np.arange(0.0, along[-1], FINE * roughly)
+    path = np.stack([np.interp(fine, along, way[:, k]) for k in range(3)], axis=1)
+    level = upright(up)[:, :2]
+    apart, nearest = cKDTree(path @ level).query(points @ level, distance_upper_bound=BESIDE * roughly)
+    under = np.isfinite(apart)
+    drop = (path[nearest[under]] - points[under]) @ up
+    drop = drop[np.abs(drop / roughly - 1) < AROUND]
+    if len(drop) < FEWEST_BELOW:
+        return None
+    drop = np.sort(drop)
+    # The densest: what lies on the ground only makes it higher, and points that are wrong lie anywhere.
+    first, last = np.searchsorted(drop, drop - CLOSE * roughly), np.searchsorted(drop, drop + CLOSE * roughly)
+    best = int(np.argmax(last - first))
+    return float(np.median(drop[first[best] : last[best]]))
 
 
 def placed(

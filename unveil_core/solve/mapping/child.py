@@ -164,8 +164,8 @@ def _map(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
     most = max(t[2] for t in tried)
     number, best, _, _ = min((t for t in tried if t[2] >= request["nearly"] * most), key=lambda t: t[3])
     told = [[n, placed, round(e, 3), round(_focal(m), 1)] for n, m, placed, e in tried]
-    best, bent = _adjusted(best, request, tell)
-    return {"start": number, "starts": told, "bent": bent, **_write(best, request["model"])}
+    best, lenses = _adjusted(best, request, tell)
+    return {"start": number, "starts": told, "lenses": lenses, **_write(best, request["model"])}
 
 
 def _focal(model: Any) -> float:
@@ -180,32 +180,34 @@ def _settled(tried: list[tuple[int, Any, int, float]], enough: int, alike: float
     return any(abs(a - b) < alike * a for k, a in enumerate(good) for b in good[k + 1 :])
 
 
-def _adjusted(model: Any, request: dict[str, Any], tell: _Teller) -> tuple[Any, bool]:
-    """All cameras and points together, with a straight lens and with one that bends; and whether the latter was taken."""
+def _adjusted(model: Any, request: dict[str, Any], tell: _Teller) -> tuple[Any, list[list[Any]]]:
+    """All cameras and points together, with ever freer lenses; one counts where it explains clearly more than those before. Returns
+    what each explains, too: whether it bends, whether its centre is free, error in pixels, whether it was taken."""
     import pycolmap
 
-    def adjust(which: Any, bend: bool) -> float:
+    def adjust(which: Any, bend: bool, centre: bool) -> float:
         options = pycolmap.BundleAdjustmentOptions()
         options.print_summary = False
         options.refine_focal_length = request["refine_focal"]
-        options.refine_extra_params = bend
-        options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-        options.ceres.loss_function_scale = 1.0
+        options.refine_extra_params, options.refine_principal_point = bend, centre
         options.ceres.solver_options.num_threads = request["threads"]
         pycolmap.bundle_adjustment(which, options)
         which.update_point_3d_errors()
         return float(which.compute_mean_reprojection_error())
 
-    straight = adjust(model, False)
+    adjust(model, False, False)
     pycolmap.ObservationManager(model).filter_all_points3D(request["most_px"], request["least_angle"])
-    straight = adjust(model, False)
-    bent = copy.deepcopy(model)
-    taken = adjust(bent, True) < (1 - request["bend_gain"]) * straight
-    taken = taken or request["always_bent"]
-    tell.progress(1, 1, "adjusting cameras and points")
-    chosen = bent if taken else model
+    chosen, least, told = model, adjust(model, False, False), []
+    for number, (bend, centre) in enumerate(request["lenses"]):
+        freer = copy.deepcopy(model)
+        error = adjust(freer, bend, centre)
+        taken = error < (1 - request["gain"]) * least or (bend and request["always_bent"] and not told)
+        told.append([bend, centre, round(error, 4), taken])
+        if taken:
+            chosen, least = freer, error
+        tell.progress(number + 1, len(request["lenses"]), "adjusting cameras and points")
     pycolmap.ObservationManager(chosen).filter_all_points3D(request["most_px"], request["least_angle"])
-    return chosen, taken
+    return chosen, told
 
 
 def _pipeline(request: dict[str, Any]) -> Any:

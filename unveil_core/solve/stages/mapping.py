@@ -37,9 +37,11 @@ FEWEST_PLACED = 0.5
 MOST_PX, LEAST_ANGLE_DEG = 3.0, 0.5
 """Observations farther from where their point projects are dropped, and points seen at smaller angles."""
 ALIKE_FOCAL, NEARLY = 0.03, 0.97
-"""Two starts agree whose focal lengths differ by less. Of those that place about as many frames the one with the least error counts."""
-BEND_GAIN = 0.03
-"""A lens is taken to bend where that lowers the error by so large a share."""
+"""Two starts agree whose focal lengths differ by less. Of those that place about as many frames the one of least error counts."""
+FREER = ((True, False), (False, True), (True, True))
+"""Lenses that are tried: whether they bend, and whether their centre is free."""
+GAIN = 0.03
+"""Each of them is taken where it lowers the error by so large a share."""
 COST_S = {"features": 0.35, "pairs": 0.016, "mapping": 0.09, "points": 0.75}
 """Seconds on one core: of features a megapixel, of a pair, of mapping a frame, of points a megapixel looked at."""
 
@@ -137,7 +139,8 @@ class _Work:
             "alike": ALIKE_FOCAL,
             "nearly": NEARLY,
             "least_angle": LEAST_ANGLE_DEG,
-            "bend_gain": BEND_GAIN,
+            "gain": GAIN,
+            "lenses": FREER,
             "always_bent": lens != "simple",
             "starts": _starts(self.reels, self.looked.chosen, self.focal, lens),
         }
