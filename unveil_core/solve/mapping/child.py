@@ -197,7 +197,8 @@ def _adjusted(model: Any, request: dict[str, Any], tell: _Teller) -> tuple[Any, 
 
     adjust(model, False, False)
     pycolmap.ObservationManager(model).filter_all_points3D(request["most_px"], request["least_angle"])
-    chosen, least, told = model, adjust(model, False, False), []
+    chosen, least = model, adjust(model, False, False)
+    told: list[list[Any]] = []
     for number, (bend, centre) in enumerate(request["lenses"]):
         freer = copy.deepcopy(model)
         error = adjust(freer, bend, centre)

@@ -15,7 +15,7 @@ from unveil_core.drives.drive import PointCloud
 from unveil_core.geometry.camera import Camera
 from unveil_core.solve.points.flow import Ground, Looked, depth_by_flow
 
-__all__ = ["WORK_PX", "dense_points"]
+__all__ = ["WORK_PX", "compared_frames", "dense_points"]
 
 WORK_PX = 1280
 """Longer side of the pictures that are compared, pixels."""
@@ -51,7 +51,7 @@ def dense_points(
         picture: (H, W, 3) RGB of a frame without distortion, and its pixels (H, W) that are no part of the street, or None.
         up: (3,) unit in the world; height: of the cameras above the ground, in units of their positions; None = unknown.
     """
-    chosen = [pair for track in tracks for pair in _chosen(cameras, track, height)]
+    chosen = [pair for track in tracks for pair in compared_frames(cameras, track, height)]
     size = height if height is not None else _typical_step(cameras, tracks) * 2
     engine = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     ground = None if height is None else Ground(up, height)
@@ -89,7 +89,9 @@ def _typical_step(cameras: Sequence[Camera], tracks: Sequence[Sequence[int]]) ->
     return float(np.median(moving)) if moving else 1.0
 
 
-def _chosen(cameras: Sequence[Camera], track: Sequence[int], height: float | None) -> list[tuple[int, list[int]]]:
+def compared_frames(
+    cameras: Sequence[Camera], track: Sequence[int], height: float | None
+) -> list[tuple[int, list[int]]]:
     """Frames of a camera that get depths, and those that each is compared with: one before, one behind, or two to one side."""
     if len(track) < 3:
         return []

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from unveil_core.base.pictures.decoding import read_image
-from unveil_core.base.progress import Progress
-from unveil_core.base.types import Float64, Mask, Picture
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import read_points, write_points
+from unveil_core.geometry.camera import Camera
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import FootageFrame, Reel
 from unveil_core.solve.mapping.model import Model
 from unveil_core.solve.placing import Placed, placed, up_and_height
 from unveil_core.solve.points.cloud import dense_points
-from unveil_core.solve.points.straight import Straightened, straightened
+from unveil_core.solve.points.height import street_height
+from unveil_core.solve.points.straight import straightened
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.stages.look import Looked
 from unveil_core.solve.steps import Steps
@@ -47,51 +48,51 @@ def place_and_fill(
     owner = {f.file: f for r in reels for f in r.frames}
     cameras = [owner[n].camera for n in model.names]
     cloud_place = steps.folder / "points.ply"
-    sparse = PointCloud(model.points)
-    up, source, height = up_and_height(model, cameras, sparse)
-    if steps.begin("points", None) is not None and cloud_place.is_file():
+    up, source, height = up_and_height(model, cameras, PointCloud(model.points))
+    before = steps.begin("points", None)
+    if before is not None and cloud_place.is_file():
         events.end("points", "up to date")
-        cloud = read_points(cloud_place)
+        cloud, swept = read_points(cloud_place), before["height"]
     else:
         progress = events.begin("points")
-        cloud = _dense(model, owner, looked, output, up, height, progress)
+        views = _Views(model, owner, looked, output)
+        swept = None if height is None else street_height(*views.given, up, height)
+        cloud = dense_points(*views.given, up, height if swept is None else swept, progress)
         if not len(cloud.positions):
             cloud = PointCloud(model.points, np.full((len(model.points), 3), 128, np.uint8))
         write_points(cloud, cloud_place)
-        steps.done("points", {"points": len(cloud.positions)})
+        steps.done("points", {"points": len(cloud.positions), "height": swept})
         events.end("points")
     up, source, height = up_and_height(model, cameras, cloud)
-    where = placed(model, reels, up, source, height, settings)
+    where = placed(model, reels, up, source, height if swept is None else swept, settings)
     moved = replace(cloud, positions=where.to_model.to_local(cloud.positions))
     return Found(model.moved(where.to_model), moved, where)
 
 
-def _dense(
-    model: Model,
-    owner: dict[str, FootageFrame],
-    looked: Looked,
-    output: Path,
-    up: Float64,
-    height: float | None,
-    progress: Progress,
-) -> PointCloud:
-    lenses: dict[int, Straightened] = {}
-    cameras = []
-    for i in range(len(model.names)):
-        number = int(model.lens[i])
-        if number not in lenses:
-            lenses[number] = straightened(model.lenses[number].camera(np.eye(4)), model.lenses[number].distortion)
-        cameras.append(replace(lenses[number].camera, world_to_camera=model.poses[i]))
-    tracks: dict[str, list[int]] = {}
-    order = {f: k for k, f in enumerate(owner)}
-    for i in sorted(range(len(model.names)), key=lambda i: order[model.names[i]]):
-        tracks.setdefault(owner[model.names[i]].camera, []).append(i)
+class _Views:
+    """The frames of a model as points are found in them."""
 
-    def picture(i: int) -> tuple[Picture, Mask | None]:
-        frame, lens = owner[model.names[i]], lenses[int(model.lens[i])]
-        hidden = looked.allowed(frame)
-        return lens.picture(read_image(output / "images" / frame.file)), lens.hidden(
-            None if hidden is None else ~hidden
-        )
+    def __init__(self, model: Model, owner: dict[str, FootageFrame], looked: Looked, output: Path) -> None:
+        self.model, self.owner, self.looked, self.images = model, owner, looked, output / "images"
+        self.lenses = [straightened(lens.camera(np.eye(4)), lens.distortion) for lens in model.lenses]
+        self.cameras = [
+            replace(self.lenses[int(k)].camera, world_to_camera=pose)
+            for k, pose in zip(model.lens, model.poses, strict=True)
+        ]
+        order = {f: k for k, f in enumerate(owner)}
+        tracks: dict[str, list[int]] = {}
+        for i in sorted(range(len(model.names)), key=lambda i: order[model.names[i]]):
+            tracks.setdefault(owner[model.names[i]].camera, []).append(i)
+        self.tracks = list(tracks.values())
 
-    return dense_points(cameras, list(tracks.values()), picture, up, height, progress)
+    @property
+    def given(self) -> tuple[list[Camera], list[list[int]], Callable[[int], tuple[Picture, Mask | None]]]:
+        """Cameras, tracks and pictures, as ``points`` take them."""
+        return self.cameras, self.tracks, self.picture
+
+    def picture(self, i: int) -> tuple[Picture, Mask | None]:
+        """A frame without distortion, and its pixels that are no part of the street."""
+        frame, lens = self.owner[self.model.names[i]], self.lenses[int(self.model.lens[i])]
+        free = self.looked.allowed(frame)
+        hidden = None if free is None else ~free
+        return lens.picture(read_image(self.images / frame.file)), lens.hidden(hidden)
