@@ -34,16 +34,18 @@ MEND = "given by --data, laid out as the datasets release it"
 
 @dataclass(frozen=True)
 class Sequence:
-    """Attributes: drive: relative to the data; options: of its reader; labels: folder by frame stem, "" = none."""
+    """Attributes: drive: relative to the data; options: of its reader; labels: folder by frame stem, "" = none; metric: the truth is in
+    metres; height: of the camera, as the dataset's makers tell it, else the LiDAR does."""
 
     drive: str
     options: DriveOptions
     labels: str = ""
     metric: bool = True
+    height: float | None = None
 
 
 SEQUENCES = {
-    "kitti": Sequence("kitti_raw", DriveOptions(), "kitti_raw/labels/image_02"),
+    "kitti": Sequence("kitti_raw", DriveOptions(), "kitti_raw/labels/image_02", height=1.65),
     "pandaset": Sequence("pandaset/002", DriveOptions(cameras=("front_camera",))),
     "lund": Sequence("lund", DriveOptions(), "lund/labels", metric=False),
     "nuscenes": Sequence(
@@ -68,7 +70,7 @@ def measured(name: str, data: Path, keep: Path, thorough: bool) -> dict[str, obj
     """Solve a sequence and compare it with its true cameras."""
     sequence = SEQUENCES[name]
     truth = open_drive(data / sequence.drive, sequence.options)
-    height = true_height(truth) if sequence.metric else None
+    height = sequence.height or (true_height(truth) if sequence.metric else None)
     folder = keep / name
     shutil.rmtree(folder, ignore_errors=True)
     images, labels = plain_images(truth, data / sequence.labels if sequence.labels else None, folder)
@@ -97,7 +99,7 @@ def measured(name: str, data: Path, keep: Path, thorough: bool) -> dict[str, obj
         "way_units": round(way, 3),
         "error_percent_of_way": round(100 * float(np.sqrt((off**2).mean())) / way, 3),
         "rotation_deg": round(float(np.median(angles)), 3),
-        "focal_percent": round(100 * (focal - 1), 2),
+        "focal_percent": round(100 * (focal - 1), 2) if sequence.metric else None,
         "scale_percent": None if height is None else round(100 * (1 / scale - 1), 2),
         "camera_height": None if height is None else round(height, 3),
         "error_px": solved.facts["error_px"],

@@ -2,7 +2,7 @@
 
     python sample_scenes/phone_clip/make_clip.py [--seconds 8] [-o FOLDER]
 
-Writes clip.mp4, labels/ (PNGs of Cityscapes trainIds, exact) and truth.json (the lens, and where the phone was at each middle row).
+Keeps frames/ as PNG, goes on where it was ended, and writes clip.mp4, labels/ (PNGs of Cityscapes trainIds, exact) and truth.json (the lens, and where the phone was at each middle row).
 """
 
 from __future__ import annotations
@@ -80,11 +80,18 @@ def main() -> None:
         return
     (given.output / "labels").mkdir(exist_ok=True)
 
+    boxes = street.make_street().arrays(crowded=True)
+
     def pictures() -> Iterator[np.ndarray]:
-        for number, (shown, kinds) in enumerate(frames_of(phone, count)):
-            cv2.imwrite(str(given.output / f"labels/{number:06d}.png"), kinds, [cv2.IMWRITE_PNG_COMPRESSION, 9])
-            print(f"frame {number + 1} of {count}", flush=True)
-            yield shown
+        for number in range(count):
+            labels, kept = given.output / f"labels/{number:06d}.png", given.output / f"frames/{number:06d}.png"
+            if not (labels.is_file() and kept.is_file()):
+                kept.parent.mkdir(exist_ok=True)
+                shown, kinds = film.picture(phone, boxes, number / phone.rate)
+                cv2.imwrite(str(labels), kinds, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+                cv2.imwrite(str(kept), shown[..., ::-1])
+                print(f"frame {number + 1} of {count}", flush=True)
+            yield cv2.imread(str(kept))[..., ::-1]
 
     encode(pictures(), given.output / "clip.mp4", phone.rate)
     write_truth(phone, count, given.output / "truth.json")

@@ -10,18 +10,18 @@ from pathlib import Path
 from unveil_core.base.drive_options import frame_numbers
 from unveil_core.base.errors import SettingsError
 
-__all__ = ["LENSES", "SolveSettings", "focal_of"]
+__all__ = ["LENSES", "SolveSettings", "focal_of", "focal_of_film"]
 
 LENSES = ("simple", "opencv", "fisheye")
 """One radial term; OpenCV's two radial and two tangential ones; a fisheye's four."""
-FULL_FRAME_MM = 36.0
-"""Width of the film that lengths "as of 35 mm" are told for."""
+FULL_FRAME_MM = 43.27
+"""Diagonal of the film that lengths "as of 35 mm" are told for."""
 HEIGHTS_M = (0.05, 200.0)
 SPEEDS_KMH = (0.1, 400.0)
 
 
-def focal_of(text: str, longer_side_px: int) -> float:
-    """Focal length in pixels of "1450" (pixels) or "26mm" (as of 35 mm film).
+def focal_of(text: str, size: tuple[int, int]) -> float:
+    """Focal length in pixels of "1450" (pixels) or "26mm" (as of 35 mm film) for pictures of a size.
 
     Raises:
         SettingsError: it is neither.
@@ -30,7 +30,12 @@ def focal_of(text: str, longer_side_px: int) -> float:
     value = float(found[1]) if found else 0.0
     if found is None or value <= 0:
         raise SettingsError(f"Not a focal length: {text!r}", mend="give pixels, as 1450, or 26mm as of 35 mm film")
-    return value / FULL_FRAME_MM * longer_side_px if found[2] == "mm" else value
+    return focal_of_film(value, size) if found[2] == "mm" else value
+
+
+def focal_of_film(length_mm: float, size: tuple[int, int]) -> float:
+    """Pixels of a focal length "as of 35 mm": by the diagonal, as makers of cameras count (CIPA DCG-001)."""
+    return length_mm / FULL_FRAME_MM * math.hypot(*size)
 
 
 @dataclass(frozen=True)
@@ -78,7 +83,7 @@ class SolveSettings:
         if self.lens not in LENSES:
             raise SettingsError(f"Not a lens: {self.lens!r}", mend=f"use one of {', '.join(LENSES)}")
         if self.focal is not None:
-            focal_of(self.focal, 1)
+            focal_of(self.focal, (4, 3))
         if self.labels is not None and self.segmenter is not None:
             raise SettingsError("labels come from a folder and from a network", mend="give --labels or --segmenter")
         for name, value, (least, most), unit in (

@@ -21,7 +21,7 @@ from unveil_core.base.pictures.orientation import orientation_of
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.solve.footage.frames import FootageFrame, Reel
 from unveil_core.solve.footage.kinds import pictures_in
-from unveil_core.solve.settings import FULL_FRAME_MM
+from unveil_core.solve.settings import focal_of_film
 
 __all__ = ["take_photographs"]
 
@@ -91,7 +91,7 @@ def take_photographs(
         size,
         bits,
         _timed(found),
-        None if focal is None else focal / FULL_FRAME_MM * max(size),
+        None if focal is None else focal_of_film(focal, size),
         "" if focal is None else f"EXIF, {focal:g} mm as of 35 mm film",
     )
 

@@ -17,7 +17,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.solve.footage.frames import FootageFrame, Reel
-from unveil_core.solve.settings import FULL_FRAME_MM
+from unveil_core.solve.settings import focal_of_film
 
 __all__ = ["decode_clip"]
 
@@ -198,7 +198,7 @@ class _Found:
 
     def reel(self, notices: tuple[str, ...]) -> Reel:
         focal = self.about.focal_mm
-        px = None if focal is None else focal / FULL_FRAME_MM * max(self.size)
+        px = None if focal is None else focal_of_film(focal, self.size)
         source = "" if focal is None else f"the clip's notes, {focal:g} mm as of 35 mm film"
         return Reel(
             self.camera,

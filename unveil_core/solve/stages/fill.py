@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,13 +12,11 @@ from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import read_points, write_points
-from unveil_core.geometry.camera import Camera
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import FootageFrame, Reel
 from unveil_core.solve.mapping.model import Model
 from unveil_core.solve.placing import Placed, placed, up_and_height
 from unveil_core.solve.points.cloud import dense_points
-from unveil_core.solve.points.height import street_height
 from unveil_core.solve.points.straight import straightened
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.stages.look import Looked
@@ -52,19 +50,18 @@ def place_and_fill(
     before = steps.begin("points", None)
     if before is not None and cloud_place.is_file():
         events.end("points", "up to date")
-        cloud, swept = read_points(cloud_place), before["height"]
+        cloud = read_points(cloud_place)
     else:
         progress = events.begin("points")
         views = _Views(model, owner, looked, output)
-        swept = None if height is None else street_height(*views.given, up, height)
-        cloud = dense_points(*views.given, up, height if swept is None else swept, progress)
+        cloud = dense_points(views.cameras, views.tracks, views.picture, up, height, progress)
         if not len(cloud.positions):
             cloud = PointCloud(model.points, np.full((len(model.points), 3), 128, np.uint8))
         write_points(cloud, cloud_place)
-        steps.done("points", {"points": len(cloud.positions), "height": swept})
+        steps.done("points", {"points": len(cloud.positions)})
         events.end("points")
     up, source, height = up_and_height(model, cameras, cloud)
-    where = placed(model, reels, up, source, height if swept is None else swept, settings)
+    where = placed(model, reels, up, source, height, settings)
     moved = replace(cloud, positions=where.to_model.to_local(cloud.positions))
     return Found(model.moved(where.to_model), moved, where)
 
@@ -84,11 +81,6 @@ class _Views:
         for i in sorted(range(len(model.names)), key=lambda i: order[model.names[i]]):
             tracks.setdefault(owner[model.names[i]].camera, []).append(i)
         self.tracks = list(tracks.values())
-
-    @property
-    def given(self) -> tuple[list[Camera], list[list[int]], Callable[[int], tuple[Picture, Mask | None]]]:
-        """Cameras, tracks and pictures, as ``points`` take them."""
-        return self.cameras, self.tracks, self.picture
 
     def picture(self, i: int) -> tuple[Picture, Mask | None]:
         """A frame without distortion, and its pixels that are no part of the street."""

@@ -176,7 +176,7 @@ def _told_of_mapping(facts: dict[str, Any], events: Events) -> None:
 def known_focal(reel: Reel, settings: SolveSettings) -> tuple[float | None, str]:
     """Focal length in pixels that is known, and by what."""
     if settings.focal is not None:
-        return focal_of(settings.focal, max(reel.size)), "given"
+        return focal_of(settings.focal, reel.size), "given"
     return reel.focal_px, reel.focal_source
 
 
