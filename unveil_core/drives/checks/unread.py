@@ -18,9 +18,7 @@ VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mts", ".m2ts", ".mx
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".heic", ".webp", ".dng")
 BY_COLMAP = "make poses and points with COLMAP, or with ns-process-data of nerfstudio, and give that folder"
 
-BY_SOLVE = (
-    "make a drive of it: unveil solve CLIP|FOLDER -o DRIVE; unveil run CLIP|FOLDER -o WORKSPACE does both; docs/video.md"
-)
+BY_SOLVE = "make a drive of it: unveil solve CLIP|FOLDER -o DRIVE; unveil run CLIP|FOLDER -o WORKSPACE does both; docs/video.md"
 
 
 @dataclass(frozen=True)

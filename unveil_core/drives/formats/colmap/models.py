@@ -190,9 +190,9 @@ def _told(order: Sequence[str], images: dict[str, list[ModelImage]], sizes: str)
 
 def _read(folder: Path, images: Sequence[ModelImage]) -> Model:
     lenses = read_cameras(folder)
-    return Model(
-        (folder.name,), (folder,), tuple((i, lenses.get(i.camera), folder) for i in images), read_model_points(folder)
-    )
+    bare = not any((folder / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt"))
+    points = PointCloud(np.zeros((0, 3))) if bare else read_model_points(folder)
+    return Model((folder.name,), (folder,), tuple((i, lenses.get(i.camera), folder) for i in images), points)
 
 
 def _placed(
