@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from street import ASPHALT, BRICK, CLOTH, GLASS, LEAVES, METAL, PAINT, PLASTER, SLABS, WOOD
 
+from sample_scenes.phone_clip.street import ASPHALT, BRICK, CLOTH, GLASS, LEAVES, METAL, PAINT, PLASTER, SLABS, WOOD
 from unveil_core.base.kernels.compiled import njit
 
 __all__ = ["Phone", "exposure", "picture", "pose"]

@@ -20,20 +20,12 @@ import cv2
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent.parent)]
-import film  # noqa: E402
-import street  # noqa: E402
+sys.path.insert(0, str(HERE.parent.parent))
+from sample_scenes.phone_clip import film, street  # noqa: E402
 
 TICKS = 600
 """Of the clip's clock, a second, as phones have it."""
 CRF = "26"
-
-
-def frames_of(phone: film.Phone, count: int, *, crowded: bool = True, samples: int = 2) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pictures and labels."""
-    boxes = street.make_street().arrays(crowded=crowded)
-    for number in range(count):
-        yield film.picture(phone, boxes, number / phone.rate, samples=samples)
 
 
 def encode(pictures: Iterable[np.ndarray], path: Path, rate: float, codec: str = "libx265") -> None:

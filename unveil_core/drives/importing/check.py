@@ -45,8 +45,9 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> Checked:
         mend = "; ".join(drive.notices) or "a drive needs at least one frame"
         raise DriveError("has no frames", path=drive.root, mend=mend)
     if not len(drive.points.positions) and not drive.sweeps and max(map(len, tracks(drive))) < FEWEST_SEEN:
-        told = [n for n in drive.notices if "LiDAR" in n] or drive.notices
-        mend = "; ".join(told) or f"give LiDAR or SfM points, or {FEWEST_SEEN} photographs of a camera to find some in"
+        told = [n for n in drive.notices if "LiDAR" in n]
+        told.append(f"give LiDAR or SfM points, or {FEWEST_SEEN} photographs of a camera to find some in")
+        mend = "; ".join(told)
         raise DriveError("has no points", path=drive.root, mend=mend)
     seen: set[tuple[str, str]] = set()
     classes = np.zeros((len(drive.frames), 256), np.int64)

@@ -64,7 +64,9 @@ def camera_names(inputs: list[Path]) -> list[str]:
     """
     if len(inputs) == 1:
         return ["camera"]
-    names = [re.sub(r"[^A-Za-z0-9_-]+", "_", p.stem if p.is_file() else p.name) or "camera" for p in inputs]
+    names = [
+        re.sub(r"[^A-Za-z0-9_-]+", "_", p.stem if p.suffix.lower() in VIDEOS else p.name) or "camera" for p in inputs
+    ]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
         raise DriveError(f"Two cameras are called {twice}", mend="rename one of the clips or folders")

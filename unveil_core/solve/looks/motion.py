@@ -24,6 +24,9 @@ one shot are at 0.7 and more, also where cars pass near the camera."""
 CUT_CORNERS = 25
 """Corners that two frames of one shot share at least."""
 
+SAME_GREY, LEAST_STEPS = 3.0, 8
+"""Deviation of a pixel's grey over so many moving steps, at least, below which it shows one thing: asphalt has 5 and more."""
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -33,7 +36,8 @@ class Motion:
         step: (N - 1,) median motion from each frame to the next, pixels of a picture of ``FLOW_PX``.
         alike: (N - 1,) correlation of the two once the motion is undone.
         cuts: frames before which the place changes.
-        still: (h, w) share of the moving steps in which a pixel of a small picture stays, where the picture moves around it.
+        still: (h, w) share of the moving steps in which a pixel of a small picture stays while the picture moves around it; 1 where
+            its grey never changes at all.
     """
 
     step: Float64
@@ -83,6 +87,7 @@ def motion_of(thumbs: Thumbs, progress: Progress = no_progress) -> Motion:
     steps, alike, cuts = np.zeros(count - 1), np.ones(count - 1), []
     before = thumbs.small(0)
     still, moving = np.zeros(before.shape, np.float32), 0
+    total, square = np.zeros((2, *before.shape))
     for k in range(count - 1):
         after = thumbs.small(k + 1)
         motion = moved(before, after, engine)
@@ -95,9 +100,15 @@ def motion_of(thumbs: Thumbs, progress: Progress = no_progress) -> Motion:
         if beside > 1.0:
             still += size < 0.12 * beside
             moving += 1
+            total += after
+            square += after.astype(np.float64) ** 2
         before = after
         progress(k + 1, count - 1, "measuring motion")
-    return Motion(steps, alike, tuple(cuts), np.asarray(still / max(1, moving), np.float32))
+    still /= max(1, moving)
+    if moving >= LEAST_STEPS:
+        spread = np.sqrt(np.maximum(square / moving - (total / moving) ** 2, 0))
+        still[cv2.medianBlur(spread.astype(np.float32), 3) < SAME_GREY] = 1
+    return Motion(steps, alike, tuple(cuts), still)
 
 
 def _shared(first: Grey, second: Grey) -> int:

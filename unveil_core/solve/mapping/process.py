@@ -33,7 +33,7 @@ def check_installed(*modules: str) -> None:
     if missing:
         packages = " and ".join(missing)
         raise SettingsError(
-            f"Not installed: {packages}", mend="install the extra solve: pip install 'unveil-core[solve]'"
+            f"Not installed: {packages}", mend='install the extra solve: pip install ".[solve]" in the folder of Unveil'
         )
 
 
