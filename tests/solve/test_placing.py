@@ -45,13 +45,29 @@ def street(*, noted: bool = False) -> tuple[Model, list[Reel], PointCloud]:
     lens = Lens("SIMPLE_RADIAL", 640, 360, (500.0, 320.0, 180.0, 0.0))
     names = tuple(f"{k:04d}.png" for k in range(COUNT))
     empty = np.zeros(0, np.int64)
-    metres = Model(names, np.zeros(COUNT, np.int64), (lens,), np.stack(poses), ground, np.zeros(6000), empty, empty, np.zeros((0, 2)))
+    metres = Model(
+        names,
+        np.zeros(COUNT, np.int64),
+        (lens,),
+        np.stack(poses),
+        ground,
+        np.zeros(6000),
+        empty,
+        empty,
+        np.zeros((0, 2)),
+    )
     model = metres.moved(to_model.inverse)
     north = 52.0 + np.degrees(places[:, 1] / 6_378_137.0)
     east = 13.0 + np.degrees(places[:, 0] / 6_378_137.0 / np.cos(np.radians(52.0)))
     frames = tuple(
         FootageFrame(
-            "camera", f"{k:04d}", k, names[k], 0.1 * k, float(north[k]) if noted else None, float(east[k]) if noted else None
+            "camera",
+            f"{k:04d}",
+            k,
+            names[k],
+            0.1 * k,
+            float(north[k]) if noted else None,
+            float(east[k]) if noted else None,
         )
         for k in range(COUNT)
     )
@@ -74,7 +90,9 @@ def track(path: Path, *, later_s: float = 0.0) -> Path:
         east = 13.0 + np.degrees(x / 6_378_137.0 / np.cos(np.radians(52.0)))
         stamp = datetime.fromtimestamp(BEGUN + second + later_s, UTC).isoformat().replace("+00:00", "Z")
         rows.append(f'<trkpt lat="{north:.9f}" lon="{east:.9f}"><time>{stamp}</time></trkpt>')
-    path.write_text('<gpx xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>' + "".join(rows) + "</trkseg></trk></gpx>")
+    path.write_text(
+        '<gpx xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>' + "".join(rows) + "</trkseg></trk></gpx>"
+    )
     return path
 
 
@@ -106,7 +124,9 @@ def test_a_track_of_another_day_is_refused(tmp_path: Path) -> None:
         found(SolveSettings(gpx=track(tmp_path / "a.gpx", later_s=86_400)))
 
 
-@pytest.mark.parametrize("content", ["", "<gpx></gpx>", '<!DOCTYPE a [<!ENTITY b "c">]><gpx/>', "<gpx><trkpt lat='a' lon='b'/></gpx>"])
+@pytest.mark.parametrize(
+    "content", ["", "<gpx></gpx>", '<!DOCTYPE a [<!ENTITY b "c">]><gpx/>', "<gpx><trkpt lat='a' lon='b'/></gpx>"]
+)
 def test_what_is_no_track_is_one_line(content: str, tmp_path: Path) -> None:
     (tmp_path / "a.gpx").write_text(content)
     with pytest.raises(DriveError, match=r"a\.gpx: "):

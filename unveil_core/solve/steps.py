@@ -17,7 +17,7 @@ VERSION = 1
 
 def facts_of_files(paths: list[Path]) -> list[list[Any]]:
     """What tells whether files are the same: names, sizes, times of change."""
-    return [[str(p), p.stat().st_size, p.stat().st_mtime_ns] for p in paths]
+    return [[str(p.resolve()), p.stat().st_size, p.stat().st_mtime_ns] for p in paths]
 
 
 class Steps:

@@ -32,7 +32,13 @@ def test_frames_come_with_their_times_also_at_a_variable_rate(tmp_path: Path) ->
 
 def test_ten_bits_stay(tmp_path: Path) -> None:
     ramp = np.broadcast_to(np.linspace(20000, 24000, 96).astype(np.uint16)[None, :, None], (64, 96, 3))
-    clip = write_clip(tmp_path / "a.mov", [ramp] * 3, codec="libx265", pixels="yuv420p10le", options={"x265-params": "log-level=none:lossless=1"})
+    clip = write_clip(
+        tmp_path / "a.mov",
+        [ramp] * 3,
+        codec="libx265",
+        pixels="yuv420p10le",
+        options={"x265-params": "log-level=none:lossless=1"},
+    )
     reel = decode_clip(clip, tmp_path / "images", "camera", None, 1, "")
     found = read_image_as_it_is(tmp_path / "images" / reel.frames[0].file)
     assert reel.bits == 10 and found.dtype == np.uint16
@@ -51,7 +57,9 @@ def test_a_part_is_taken_and_what_is_there_is_not_decoded_again(tmp_path: Path) 
     assert not cv2.imread(str(kept)).any()
 
 
-@pytest.mark.parametrize(("angle", "turn"), [(90, cv2.ROTATE_90_CLOCKWISE), (270, cv2.ROTATE_90_COUNTERCLOCKWISE), (180, cv2.ROTATE_180)])
+@pytest.mark.parametrize(
+    ("angle", "turn"), [(90, cv2.ROTATE_90_CLOCKWISE), (270, cv2.ROTATE_90_COUNTERCLOCKWISE), (180, cv2.ROTATE_180)]
+)
 def test_a_clip_that_is_held_upright_comes_out_upright(tmp_path: Path, angle: int, turn: int) -> None:
     """The matrix of ISO 14496-12, 8.3.2, as phones write it: how a player turns the picture, clockwise."""
     pictures = smooth_pictures(3)

@@ -55,8 +55,16 @@ def test_a_cut_names_the_longest_shot() -> None:
 
 def test_night() -> None:
     dark = [noisy((p * 0.012).astype(np.uint8), k) for k, p in enumerate(film())]
-    with pytest.raises(DriveError, match="too dark: .* corners are found again.*film by day"):
+    with pytest.raises(DriveError, match="The footage is too dark .mean grey . of 255.: .*film by day"):
         looked_at(dark)
+
+
+def test_a_bare_wall() -> None:
+    walls = [np.full((200, 320), 120, np.uint8) for _ in range(10)]
+    for k, wall in enumerate(walls):
+        cv2.circle(wall, (60 + 14 * k, 100), 40, 170, -1)
+    with pytest.raises(DriveError, match="Next to nothing can be followed: .* corners .*more frames a second"):
+        looked_at([cv2.GaussianBlur(w, (0, 0), 3) for w in walls])
 
 
 def test_dim_footage_is_solved_and_said_to_be_dim() -> None:
@@ -70,7 +78,9 @@ def test_a_camera_that_only_turns() -> None:
     lens = np.array([[350.0, 0, 240], [0, 350, 135], [0, 0, 1]])
     for k in range(14):
         turn = cv2.Rodrigues(np.array([0.0, np.radians(1.3 * k - 8), 0.0]))[0]
-        found.append(cv2.warpPerspective(picture, lens @ turn @ np.linalg.inv(lens), SIZE, borderMode=cv2.BORDER_REFLECT))
+        found.append(
+            cv2.warpPerspective(picture, lens @ turn @ np.linalg.inv(lens), SIZE, borderMode=cv2.BORDER_REFLECT)
+        )
     with pytest.raises(DriveError, match="moves as one plane does.*only turns.*move the camera along"):
         looked_at([f[30:240, 100:380] for f in found])
 

@@ -62,5 +62,7 @@ def test_a_camera_that_stands_shows_none(tmp_path: Path) -> None:
     drive = open_drive(bare_street(tmp_path / "drive", "8:12"))
     first = drive.frames[0]
     frames = tuple(replace(f, camera=first.camera, image_path=first.image_path) for f in drive.frames)
-    with pytest.raises(DriveError, match="has no points, and its photographs show only .* places twice .*moving camera"):
+    with pytest.raises(
+        DriveError, match="has no points, and its photographs show only .* places twice .*moving camera"
+    ):
         found_points(replace(drive, frames=frames))

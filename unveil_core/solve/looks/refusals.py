@@ -22,6 +22,8 @@ STOOD_PX = 1.5
 """Largest median motion between any two frames of a camera that stands, pixels of a small picture."""
 FEWEST_CORNERS = 60
 """Corners that are followed between two frames that are solved, at the median; with fewer the solve breaks."""
+HELD_PX = 0.5
+"""Distance from the line on which the camera's motion allows a corner."""
 DARK, DIM = 20.0, 45.0
 """Mean grey of a night without light, and of one that lamps light."""
 FLAT_SHARE, FLAT_PX = 0.9, 1.0
@@ -49,20 +51,30 @@ def check_can_work(
             path=source,
             mend="give a longer part of the clip, or a smaller --every",
         )
+    dim = float(np.median(thumbs.brightness))
+    corners = [followed(thumbs.pictures[a], thumbs.pictures[b], _sized(mask, thumbs)) for a, b in _steps(choice)]
+    held = float(np.median([_held(a, b) for a, b in corners])) if corners else 0.0
+    if dim < DARK and (held < FEWEST_CORNERS or len(motion.cuts) > 1):  # noise looks like cuts
+        raise DriveError(
+            f"The footage is too dark (mean grey {dim:.0f} of 255): its noise hides the street",
+            path=source,
+            mend="film by day, or with a longer exposure on a slower drive",
+        )
     if motion.cuts:
         raise DriveError(_cut_told(motion.cuts, thumbs), path=source, mend=_longest_part(motion.cuts, thumbs))
-    dim = float(np.median(thumbs.brightness))
     if _stood(thumbs, motion):
         raise DriveError(
             "The camera stands still: nothing tells how far things are",
             path=source,
             mend="film while driving or walking, or give the part that moves: --frames A:B",
         )
-    pairs = _pairs(thumbs, motion)
-    corners = [followed(thumbs.pictures[a], thumbs.pictures[b], _sized(mask, thumbs)) for a, b in _steps(choice)]
-    held = float(np.median([len(a) for a, _ in corners])) if corners else 0.0
     if held < FEWEST_CORNERS:
-        raise DriveError(_nothing_held(held, dim, thumbs), path=source, mend=_nothing_mend(dim))
+        raise DriveError(
+            f"Next to nothing can be followed: {held:.0f} corners from frame to frame, and {FEWEST_CORNERS} are needed",
+            path=source,
+            mend="use sharper footage, more frames a second (a smaller --every), or a part with more texture: --frames A:B",
+        )
+    pairs = _pairs(thumbs, motion)
     flat = [f for a, b in pairs if (f := _flatness(*_wide(thumbs, a, b, mask))) is not None]
     if len(flat) >= 3 and float(np.median(flat)) > FLAT_SHARE:
         raise DriveError(
@@ -142,6 +154,14 @@ def _wide(thumbs: Thumbs, a: int, b: int, mask: NDArray[np.bool_] | None) -> tup
     return start[alive], at[alive]
 
 
+def _held(first: Float32, second: Float32) -> int:
+    """Corners that one motion of a camera explains: noise has corners, too."""
+    if len(first) < 8:
+        return 0
+    _, inside = cv2.findFundamentalMat(first, second, cv2.FM_RANSAC, HELD_PX, 0.99)
+    return 0 if inside is None else int(inside.sum())
+
+
 def _flatness(first: Float32, second: Float32) -> float | None:
     """Share of the corners that one homography explains, among those that one motion of a camera does; None of too few."""
     if len(first) < 40:
@@ -152,14 +172,3 @@ def _flatness(first: Float32, second: Float32) -> float | None:
         return None
     either = rigid[:, 0].astype(bool) | plane[:, 0].astype(bool)
     return float(plane.sum() / max(1, either.sum()))
-
-
-def _nothing_held(held: float, dim: float, thumbs: Thumbs) -> str:
-    kind = "The footage is too dark" if dim < DARK else "Next to nothing can be followed"
-    return f"{kind}: {held:.0f} corners are found again from frame to frame, and {FEWEST_CORNERS} are needed"
-
-
-def _nothing_mend(dim: float) -> str:
-    if dim < DIM:
-        return "film by day, or with a longer exposure on a slower drive"
-    return "use sharper footage, more frames a second (a smaller --every), or a part with more texture: --frames A:B"
