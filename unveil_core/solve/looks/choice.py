@@ -12,8 +12,6 @@ from unveil_core.solve.looks.thumbs import FLOW_PX
 
 __all__ = ["Choice", "chosen_frames"]
 
-STANDS_PX = 0.06
-"""Median motion between two frames, pixels of a small picture, below which the camera stands: noise of the flow reaches 0.04."""
 APART_PX = 0.01 * FLOW_PX
 """Median motion between two frames that are solved. Smaller steps tell little of depth, larger ones lose features."""
 FEWEST_CHOSEN = 40
@@ -42,13 +40,13 @@ def chosen_frames(motion: Motion, sharpness: Float64) -> Choice:
         motion: between its N frames; sharpness: (N,).
     """
     count = len(sharpness)
-    stands = np.concatenate([motion.step < STANDS_PX, [False]])
+    stands = np.concatenate([motion.stands, [False]])
     stands[-1] = count > 1 and bool(stands[-2])
     # The first frame of a stop, and the last, are kept: they are where the camera comes to and goes from.
     inside = stands & np.concatenate([[True], stands[:-1]]) if count > 1 else stands
     around = [sharpness[max(0, k - NEAR) : k + NEAR + 1].max() for k in range(count)]
     blurred = sharpness < BLURRED * np.array(around)
-    total = float(motion.step[motion.step >= STANDS_PX].sum())
+    total = float(motion.step[~motion.stands].sum())
     apart = min(APART_PX, total / FEWEST_CHOSEN)
     kept = [k for k in range(count) if not inside[k]] or [0]
     found, gone = [kept[0]], 0.0

@@ -24,6 +24,12 @@ one shot are at 0.7 and more, also where cars pass near the camera."""
 CUT_CORNERS = 25
 """Corners that two frames of one shot share at least."""
 
+STANDS_PX, SLOW_PX = 0.06, 0.2
+"""Median motion between two frames, pixels of a small picture, below which the camera stands, noise of the flow reaches 0.04; and
+below which it may, where traffic passes."""
+RUN_SHARES = (1.0, 0.9, 0.75, 0.5)
+LEAST_RUN, NOWHERE_PX = 3, 0.4
+"""Such steps in a run, and the motion of the stiller quarter of the picture over all of them, below which it does."""
 SAME_GREY, LEAST_STEPS = 3.0, 8
 """Deviation of a pixel's grey over so many moving steps, at least, below which it shows one thing: asphalt has 5 and more."""
 
@@ -34,6 +40,7 @@ class Motion:
 
     Attributes:
         step: (N - 1,) median motion from each frame to the next, pixels of a picture of ``FLOW_PX``.
+        stands: (N - 1,) bool, the camera does not move from each frame to the next.
         alike: (N - 1,) correlation of the two once the motion is undone.
         cuts: frames before which the place changes.
         still: (h, w) share of the moving steps in which a pixel of a small picture stays while the picture moves around it; 1 where
@@ -41,6 +48,7 @@ class Motion:
     """
 
     step: Float64
+    stands: NDArray[np.bool_]
     alike: Float64
     cuts: tuple[int, ...]
     still: Float32
@@ -108,7 +116,24 @@ def motion_of(thumbs: Thumbs, progress: Progress = no_progress) -> Motion:
     if moving >= LEAST_STEPS:
         spread = np.sqrt(np.maximum(square / moving - (total / moving) ** 2, 0))
         still[cv2.medianBlur(spread.astype(np.float32), 3) < SAME_GREY] = 1
-    return Motion(steps, alike, tuple(cuts), still)
+    return Motion(steps, _standing(thumbs, steps, engine), alike, tuple(cuts), still)
+
+
+def _standing(thumbs: Thumbs, steps: Float64, engine: cv2.DISOpticalFlow) -> NDArray[np.bool_]:
+    """(N - 1,) bool, steps in which the camera stands: a run of small ones that lead nowhere. What drives by moves a part of the
+    picture alone, and a slow camera comes far in time."""
+    stands = steps < STANDS_PX
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], steps < SLOW_PX, [False]]).astype(np.int8)))
+    for first, last in zip(ends[::2], ends[1::2], strict=True):
+        for share in RUN_SHARES:  # at its end it may begin to move
+            end = int(first + share * (last - first))
+            if end - first < LEAST_RUN:
+                break
+            gone = np.linalg.norm(moved(thumbs.small(int(first)), thumbs.small(end), engine), axis=2)
+            if np.percentile(gone, 25) < NOWHERE_PX:
+                stands[first:end] = True
+                break
+    return stands
 
 
 def _shared(first: Grey, second: Grey) -> int:

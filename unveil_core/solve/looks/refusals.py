@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float32
-from unveil_core.solve.looks.choice import STANDS_PX, Choice
+from unveil_core.solve.looks.choice import Choice
 from unveil_core.solve.looks.motion import Motion, followed, moved
 from unveil_core.solve.looks.thumbs import Thumbs
 
@@ -112,7 +112,7 @@ def _stood(thumbs: Thumbs, motion: Motion) -> bool:
         for i, a in enumerate(spread)
         for b in spread[i + 1 :]
     ]
-    return max(sizes) < STOOD_PX or float(np.mean(motion.step > STANDS_PX)) < 0.02
+    return max(sizes) < STOOD_PX or float(np.mean(~motion.stands)) < 0.02
 
 
 def _pairs(thumbs: Thumbs, motion: Motion) -> list[tuple[int, int]]:
