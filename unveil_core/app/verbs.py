@@ -17,7 +17,7 @@ from unveil_core.app.batch import run_batch_part
 from unveil_core.app.check import run_check
 from unveil_core.app.confirming import confirmed
 from unveil_core.app.console import reporting, say
-from unveil_core.app.footage.solve import drive_of_footage, is_footage_alone, run_solve, without_footage
+from unveil_core.app.footage.solve import drive_of_footage, is_footage_alone, refuse_clip, run_solve, without_footage
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import STAGE_VERBS
 from unveil_core.base.errors import DriveError, SettingsError
@@ -79,6 +79,7 @@ def _run_and_sum_up(drive: Path, arguments: argparse.Namespace, *, footage: bool
 
 
 def _import(arguments: argparse.Namespace) -> int:
+    refuse_clip(arguments.drive)
     from unveil_core.pipeline.run import run
 
     def begun(yes: bool) -> Workspace:

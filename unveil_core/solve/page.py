@@ -26,7 +26,7 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri
 """What a browser lets the page do: show pictures that are in it."""
 MAP_PX, SHOWN_PX = 1100, 900
 """Longer sides of the map and of frames, pixels."""
-AROUND_M = 25.0
+AROUND_M = 15.0
 """Beside the way, that is shown."""
 BARS_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 CELLS = (16, 9)

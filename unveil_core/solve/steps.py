@@ -40,6 +40,17 @@ class Steps:
             return found
         return None
 
+    def going_on(self, name: str) -> bool:
+        """Whether the step that was begun last was begun before from the same, and ended halfway; it counts as begun now."""
+        place = self.folder / f"{name}.json"
+        try:
+            held = read_own_json(place)
+            same = isinstance(held, dict) and held.get("made_from") == self.chain
+        except (OSError, ValueError):
+            same = False
+        write_json_atomic(place, {"made_from": self.chain, "found": None})
+        return same
+
     def done(self, name: str, found: dict[str, Any]) -> dict[str, Any]:
         """Keep what the step that was begun last found."""
         write_json_atomic(self.folder / f"{name}.json", {"made_from": self.chain, "found": found})

@@ -9,14 +9,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from unveil_core.app.console import reporting, say
-from unveil_core.base.errors import SettingsError
+from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.pipeline.settings import RunSettings
 
 if TYPE_CHECKING:  # loads NumPy
     from unveil_core.pipeline.stage import Reporter
     from unveil_core.solve.settings import SolveSettings
 
-__all__ = ["OF_FOOTAGE", "drive_of_footage", "footage_settings", "is_footage_alone", "run_solve", "without_footage"]
+__all__ = [
+    "OF_FOOTAGE",
+    "drive_of_footage",
+    "footage_settings",
+    "is_footage_alone",
+    "refuse_clip",
+    "run_solve",
+    "summary",
+    "without_footage",
+]
 
 OF_FOOTAGE = ("every", "lens", "focal", "speed", "known_length", "gpx", "thorough")
 """Options of ``run`` that footage alone takes."""
@@ -67,6 +76,19 @@ def is_footage_alone(path: Path) -> bool:
     from unveil_core.solve.footage.kinds import is_footage
 
     return is_footage(path) and not any(f.recognizes(path) for f in FORMATS)
+
+
+def refuse_clip(path: Path) -> None:
+    """Check that a path is no clip, before anything is asked of the place that results go to.
+
+    Raises:
+        DriveError: it is one; with the verb that makes a drive of it.
+    """
+    from unveil_core.drives.checks.unread import unread
+    from unveil_core.solve.footage.kinds import is_clip
+
+    if is_clip(path) and (known := unread(path)) is not None:
+        raise DriveError(known.problem, path=path, mend=known.mend)
 
 
 def footage_settings(arguments: argparse.Namespace, settings: RunSettings) -> SolveSettings:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -21,9 +21,10 @@ from unveil_core.labelling.segmenter import load_segmenter
 from unveil_core.solve.footage.frames import FootageFrame
 from unveil_core.solve.looks.motion import Motion
 
-__all__ = ["bonnet_of", "by_frame", "labelled", "write_feature_masks"]
+__all__ = ["bonnet_of", "by_frame", "labelled", "not_street", "write_feature_masks"]
 
-UNTRUSTED = (CITYSCAPES.index("sky"), *range(CITYSCAPES.index("person"), len(CITYSCAPES)))
+SKY = CITYSCAPES.index("sky")
+UNTRUSTED = (SKY, *range(CITYSCAPES.index("person"), len(CITYSCAPES)))
 """trainIds of what moves or may, and of the sky, whose clouds are no part of the street."""
 GROWN_PX = 5
 """By which what is hidden is grown, pixels: labels are loose at edges, and a feature sees its surroundings."""
@@ -100,6 +101,20 @@ def labelled(
     return found
 
 
+def not_street(frame: FootageFrame, size: tuple[int, int], label: Path | None, bonnet: Mask | None) -> Mask | None:
+    """(H, W) pixels of a frame that are no part of the scene, the sky and the vehicle itself; None where there are none.
+
+    Args:
+        size: width, height of the frame; label: its label picture; bonnet: (h, w) of any size.
+    """
+    hidden = np.zeros(size[::-1], bool)
+    if label is not None:
+        hidden |= _fitted(read_label_image(label), size) == SKY
+    if bonnet is not None:
+        hidden |= cv2.resize(bonnet.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    return hidden if hidden.any() else None
+
+
 def write_feature_masks(
     frames: Sequence[FootageFrame],
     size: tuple[int, int],
@@ -107,8 +122,8 @@ def write_feature_masks(
     labels: dict[FootageFrame, Path],
     masks: dict[FootageFrame, Path],
     bonnet: Mask | None,
-) -> Callable[[FootageFrame], Mask | None]:
-    """Write where features are looked for, as COLMAP takes it (``FILE.png``, 0 = not here); returns the same by frame, True = here.
+) -> None:
+    """Write where features are looked for, as COLMAP takes it: ``FILE.png``, 0 = not here.
 
     Args:
         size: width, height of the frames; bonnet: (h, w) of any size.
@@ -136,7 +151,6 @@ def write_feature_masks(
             place = folder / f"{frame.file}.png"
             place.parent.mkdir(parents=True, exist_ok=True)
             write_image_atomic(place, np.where(free, np.uint8(255), np.uint8(0)))
-    return allowed
 
 
 def _fitted(picture: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

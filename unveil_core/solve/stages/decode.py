@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from unveil_core.base.files import write_json_atomic
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import Reel, read_reel, write_reel
 from unveil_core.solve.footage.kinds import camera_names, is_clip, pictures_in
@@ -28,10 +27,9 @@ def decode(inputs: Sequence[Path], images: Path, settings: SolveSettings, steps:
         if all((images / f.file).is_file() for r in reels for f in r.frames):
             events.end("decode", "up to date")
             return _told(reels, events)
-    elif (steps.folder / "decode.json").is_file() and images.is_dir():
+    if not steps.going_on("decode") and images.is_dir():
         shutil.rmtree(images)  # frames of other footage would be taken for this one's
     progress = events.begin("decode")
-    write_json_atomic(steps.folder / "decode.json", {"made_from": "begun"})
     reels = []
     for path, name, place in zip(inputs, names, places, strict=True):
         take = decode_clip if is_clip(path) else take_photographs

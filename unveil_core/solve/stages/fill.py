@@ -85,6 +85,4 @@ class _Views:
     def picture(self, i: int) -> tuple[Picture, Mask | None]:
         """A frame without distortion, and its pixels that are no part of the street."""
         frame, lens = self.owner[self.model.names[i]], self.lenses[int(self.model.lens[i])]
-        free = self.looked.allowed(frame)
-        hidden = None if free is None else ~free
-        return lens.picture(read_image(self.images / frame.file)), lens.hidden(hidden)
+        return lens.picture(read_image(self.images / frame.file)), lens.hidden(self.looked.hidden(frame))

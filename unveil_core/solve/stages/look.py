@@ -15,7 +15,7 @@ from unveil_core.base.types import Mask
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import FootageFrame, Reel
 from unveil_core.solve.looks.choice import chosen_frames
-from unveil_core.solve.looks.hidden import bonnet_of, by_frame, labelled, write_feature_masks
+from unveil_core.solve.looks.hidden import bonnet_of, by_frame, labelled, not_street, write_feature_masks
 from unveil_core.solve.looks.motion import motion_of
 from unveil_core.solve.looks.pairs import frame_pairs, loops_of
 from unveil_core.solve.looks.refusals import check_can_work
@@ -30,7 +30,7 @@ __all__ = ["Looked", "look"]
 class Looked:
     """Attributes:
     chosen: files of the frames that are solved, by camera; pairs: that are matched.
-    labels, masks: pictures of frames; allowed: where a frame is to be trusted, None = everywhere.
+    labels, masks: pictures of frames; hidden: pixels of a frame that are no part of the scene, None = none.
     facts: standing and blurred frames, bonnet, loops.
     """
 
@@ -38,7 +38,7 @@ class Looked:
     pairs: list[tuple[str, str]]
     labels: dict[FootageFrame, Path]
     masks: dict[FootageFrame, Path]
-    allowed: Callable[[FootageFrame], Mask | None]
+    hidden: Callable[[FootageFrame], Mask | None]
     bonnet: bool
     facts: dict[str, Any]
 
@@ -89,11 +89,11 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
         found = {k: held[k] for k in held.files}
     masks_folder = steps.folder / "masks"
     shutil.rmtree(masks_folder, ignore_errors=True)
-    free: dict[str, Callable[[FootageFrame], Mask | None]] = {}
+    sizes = {r.camera: r.size for r in reels}
     for reel, names in zip(reels, facts["chosen"], strict=True):
         wanted = set(names)
         some = [f for f in reel.frames if f.file in wanted]
-        free[reel.camera] = write_feature_masks(some, reel.size, masks_folder, labels, masks, found.get(reel.camera))
+        write_feature_masks(some, reel.size, masks_folder, labels, masks, found.get(reel.camera))
     if facts["standing"]:
         events.notice("look", f"the camera stands in {facts['standing']} frames: they are placed by their neighbours")
     return Looked(
@@ -101,7 +101,7 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
         _pairs(facts["chosen"], [(a, b) for a, b in facts["loops"]]),
         labels,
         masks,
-        lambda f: free[f.camera](f),
+        lambda f: not_street(f, sizes[f.camera], labels.get(f), found.get(f.camera)),
         bool(found),
         facts,
     )
