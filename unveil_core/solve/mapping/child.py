@@ -240,37 +240,6 @@ def _set_lens(database: str, lenses: dict[str, list[float]]) -> None:
             held.update_camera(camera)
 
 
-def _triangulate(request: dict[str, Any], tell: _Teller) -> dict[str, Any]:
-    """Points from matches where all cameras are known: they stay."""
-    import pycolmap
-
-    known = {p["name"]: p for p in request["poses"]}
-    model = pycolmap.Reconstruction()
-    with pycolmap.Database.open(request["database"]) as held:
-        for camera in held.read_all_cameras():
-            model.add_camera_with_trivial_rig(camera)
-        for image in held.read_all_images():
-            if image.name in known:
-                pose = known[image.name]["world_to_camera"]
-                rigid = pycolmap.Rigid3d(_matrix(pose))
-                model.add_image_with_trivial_frame(image, rigid)
-    tell.progress(0, 1, "triangulating")
-    output = Path(request["output"])
-    output.mkdir(parents=True, exist_ok=True)
-    options = _pipeline(request)
-    model = pycolmap.triangulate_points(
-        model, request["database"], request["pictures"], str(output), True, options, False
-    )
-    tell.progress(1, 1, "triangulating")
-    return _write(model, request["model"])
-
-
-def _matrix(pose: list[list[float]]) -> Any:
-    import numpy as np
-
-    return np.asarray(pose, dtype=np.float64)[:3]
-
-
 def _write(model: Any, path: str) -> dict[str, Any]:
     """A model as arrays in ``path``, and its figures."""
     import numpy as np
@@ -311,7 +280,7 @@ def _write(model: Any, path: str) -> dict[str, Any]:
     }
 
 
-WORK = {"features": _features, "match": _match, "map": _map, "triangulate": _triangulate}
+WORK = {"features": _features, "match": _match, "map": _map}
 
 
 def main() -> None:
