@@ -43,6 +43,7 @@ ORDER = {
     "remove": "selection, visibility",
     "movers": "dynamic objects",
     "optimize": "reconstruct, re-optimize",
+    "solve": "cameras and points from footage",
     "labelling": "labels by boxes, networks",
     "ground": "path, ground, terrain",
     "semantics": "classes, votes, objects",

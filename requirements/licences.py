@@ -46,7 +46,7 @@ KNOWN = {
 """Packages whose metadata does not say enough, or says what does not fit, with the reason why they are taken."""
 BROUGHT = {
     "av": "x264 and x265 (GPL-2.0-or-later), by which FFmpeg encodes H.264 and H.265",
-    "pycolmap": "CHOLMOD's supernodal solver (GPL-2.0-or-later), linked in; only the tests read with it",
+    "pycolmap": "CHOLMOD's supernodal solver (GPL-2.0-or-later), linked in: the extra solve runs it in a process of its own",
 }
 """Packages whose wheels bring libraries under the GPL, besides their own code."""
 UNDER_GPL = re.compile(

@@ -47,7 +47,11 @@ def test_what_make_installs_is_what_the_project_asks_for() -> None:
     run = locked("core.txt", "torch.txt")
     assert wanted(PROJECT["dependencies"]) <= run == locked("core.txt", "torch-cpu.txt")
     extras = PROJECT["optional-dependencies"]
-    asked = [line for extra in ("dev", "bpy", "gpu", "datasets", "farm", "exports", "plates") for line in extras[extra]]
+    asked = [
+        line
+        for extra in ("dev", "bpy", "gpu", "datasets", "farm", "exports", "plates", "solve")
+        for line in extras[extra]
+    ]
     assert wanted(asked) <= locked("core.txt", "dev.txt", "bpy-5.0.txt")
     assert wanted(["hatchling"]) <= locked("build.txt")
 

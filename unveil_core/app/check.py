@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 from unveil_core.app.console import reporting_for, say
+from unveil_core.app.footage.solve import refuse_clip
 from unveil_core.app.given_settings import settings_of
 from unveil_core.base.errors import SettingsError
 
@@ -29,6 +30,7 @@ def run_check(arguments: argparse.Namespace) -> int:
     from unveil_core.checkup.page import check_page
     from unveil_core.pipeline.output_place import check_file_place
 
+    refuse_clip(arguments.drive)
     page = arguments.output or Path(f"check_{_plain(arguments.drive)}.html")
     page = page if page.suffix.lower() in (".html", ".htm") else page / "check.html"
     check_file_place(page, [arguments.drive])

@@ -66,6 +66,7 @@ def command_parser() -> MainParser:
         parser.add_argument(*words, dest=name, action="store_true", help=text)
     verbs = parser.add_subparsers(dest="verb", required=True, parser_class=CommandParser, metavar="VERB")
     _add_whole_runs(verbs)
+    _add_solve(verbs)
     _add_check(verbs)
     _add_mask(verbs)
     _add_stages(verbs)
@@ -102,6 +103,7 @@ def _add_whole_runs(verbs: _Verbs) -> None:
                 help="folder of the results; one that is there is continued with the settings that it was made with",
             )
         if name == "run":
+            _add_footage(p)
             p.add_argument(
                 "--until", choices=tuple(STAGE_VERBS), default=None, metavar="STAGE", help="the last stage to run"
             )
@@ -116,6 +118,54 @@ def _add_whole_runs(verbs: _Verbs) -> None:
             _add_yes(p)
         _add_settings(p)
         _add_common(p)
+
+
+def _add_solve(verbs: _Verbs) -> None:
+    p = verbs.add_parser("solve", help="make a drive of a clip or photographs: cameras and points out of the pictures")
+    p.add_argument("footage", type=Path, nargs="+", metavar="CLIP|FOLDER", help="one a camera")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="DRIVE")
+    p.add_argument(
+        "--frames",
+        default=argparse.SUPPRESS,
+        metavar="A:B:STEP",
+        help="part of the footage, counted from 0 as in Python",
+    )
+    p.add_argument(
+        "--labels", default=argparse.SUPPRESS, type=Path, metavar="FOLDER", help="PNGs of Cityscapes trainIds, by frame"
+    )
+    p.add_argument(
+        "--masks",
+        default=argparse.SUPPRESS,
+        type=Path,
+        metavar="FOLDER",
+        help="PNGs of what goes, 0 = remove, by frame",
+    )
+    p.add_argument("--segmenter", default=argparse.SUPPRESS, type=Path, metavar="FILE.onnx", help="labels the frames")
+    p.add_argument(
+        "--camera-height",
+        default=argparse.SUPPRESS,
+        type=_metres,
+        metavar="METRES",
+        help="of the cameras above the ground: the scale follows from it",
+    )
+    _add_footage(p)
+    _add_replace(p, "write into a folder that no solve made")
+    _add_common(p)
+
+
+def _add_footage(p: argparse.ArgumentParser) -> None:
+    """Options of clips and photographs, which ``unveil run`` takes as well."""
+
+    def add(name: str, **options: Any) -> None:
+        p.add_argument(name, default=argparse.SUPPRESS, **options)
+
+    add("--every", type=int, metavar="N", help="of a clip: each N-th frame alone")
+    add("--lens", choices=("simple", "opencv", "fisheye"), help="of a clip: the model of its lens (simple)")
+    add("--focal", metavar="PIXELS|26mm", help="of a clip: focal length, in pixels or as of 35 mm film")
+    add("--speed", type=_number, metavar="KM/H", help="of a clip: mean speed, from which the scale follows")
+    add("--known-length", type=_number, metavar="METRES", help="of a clip: length of its way, likewise")
+    add("--gpx", type=Path, metavar="FILE.gpx", help="of a clip: track of the drive, likewise")
+    add("--thorough", action="store_true", help="of a clip: three times the features, in three times the time")
 
 
 def _add_check(verbs: _Verbs) -> None:
@@ -384,6 +434,20 @@ def _add_device(p: CommandParser) -> None:
 
 
 # Types of arguments
+
+
+def _metres(text: str) -> float | None:
+    try:
+        return None if text.strip() == "auto" else float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"Not a number of metres, and not auto: {text!r}") from error
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"Not a number: {text!r}") from error
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from unveil_core.app.batch import run_batch_part
 from unveil_core.app.check import run_check
 from unveil_core.app.console import reporting_for, say
+from unveil_core.app.footage.solve import run_solve
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.mask.command import run_mask
 from unveil_core.app.parser import STAGE_VERBS
@@ -209,6 +210,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "demo": demo,
     "run": run_all,
     "import": import_drive,
+    "solve": run_solve,
     "check": run_check,
     "mask": run_mask,
     **dict.fromkeys(STAGE_VERBS, _stage),

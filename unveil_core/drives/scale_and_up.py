@@ -33,6 +33,7 @@ __all__ = [
     "Placement",
     "camera_height",
     "estimate_up",
+    "measured_up",
     "place_drive",
 ]
 
@@ -227,15 +228,20 @@ def camera_height(drive: Drive, up: Float64) -> float | None:
     return None
 
 
-def estimate_up(drive: Drive) -> tuple[Float64, str]:
-    """(3,) unit, the direction that is up, and what tells: "ground" or "cameras"."""
+def measured_up(drive: Drive) -> tuple[Float64, str]:
+    """(3,) unit, the direction that is up as cameras and ground show it, and what tells: "ground" or "cameras"."""
     cameras = _up_of_cameras(drive)
     found = _ground_plane(_from_cameras(drive), cameras)
-    up, source = (cameras, "cameras") if found is None else (found, "ground")
+    return (cameras, "cameras") if found is None else (found, "ground")
+
+
+def estimate_up(drive: Drive) -> tuple[Float64, str]:
+    """(3,) unit, the direction that is up, and what tells: "ground" or "cameras"; an axis of the drive where one is near."""
+    up, source = measured_up(drive)
     axis = max(UP_AXES.values(), key=lambda a: float(a @ up))
     limit = NEAR_AXIS_DEG
     if drive.units_per_metre is None:
-        limit = NEAR_AXIS_DEG if found is None else SFM_NEAR_AXIS_DEG
+        limit = NEAR_AXIS_DEG if source == "cameras" else SFM_NEAR_AXIS_DEG
     elif up[2] > np.cos(np.radians(AWAY_FROM_Z_DEG)):
         return UP_AXES["z"], source
     return (axis if axis @ up > np.cos(np.radians(limit)) else up), source

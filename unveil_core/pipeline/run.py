@@ -32,9 +32,15 @@ from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
 from unveil_core.pipeline.steps.import_ import labels_come_from
 from unveil_core.semantics.labels import choose_labels
 from unveil_core.semantics.too_much import much_removed
+from unveil_core.solve.points.of_drive import has_no_points
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["Begun", "found_wrong", "look_at", "run", "run_verb", "stage_named"]
+
+NO_POINTS = (
+    "the drive has no points: they are found in its photographs by optical flow, and by them scale and up where files do not "
+    "tell these"
+)
 
 
 def stage_named(name: str) -> Stage:
@@ -153,10 +159,14 @@ def look_at(
             choose_labels(opened, settings.remove, listed)
     if settings.keyframes:
         named_frames(opened.frames, settings.keyframes)
-    placed = place_drive(opened, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
+    bare = has_no_points(opened)  # the import finds some: what needs points waits for them
+    height = None if bare else settings.camera_height
+    placed = place_drive(opened, scale=settings.scale, up=settings.up, camera_height_m=height)
     findings = [] if checked is None else found_wrong(opened, placed, settings, checked)
     level = "warning" if placed.surprising else "notice"
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
+    if bare:
+        notices = [Notice("import", NO_POINTS, "notice")]
     notices += [Notice("import", line, "warning") for line in (*opened.notices, *colour_notices(opened.frames))]
     notices += [] if not findings else [_worst(findings)]
     if labels == "nothing" and settings.marked is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from tests.drives.formats.street.street import tiny_street
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.checks.unread import unread
-from unveil_core.drives.importing.check import check_drive
 
 PLACES: dict[str, tuple[tuple[str, ...], str]] = {
     "Waymo v1": (("training/segment-1.tfrecord",), r"Waymo Open version 1.*download version 2"),
@@ -41,8 +41,8 @@ PLACES: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "COLMAP before its mapper": (("database.db", "images/1.jpg"), r"COLMAP without a model.*run its mapper"),
     "archives": (("a.zip", "b.tar.gz"), r"archives alone \(unpack them"),
-    "a video": (("drive.MP4",), r"is a video"),
-    "pictures": (("1.JPG", "2.JPG"), r"pictures alone: they have no poses"),
+    "a video": (("drive.MP4",), r"Not a drive: a clip .*unveil solve CLIP"),
+    "pictures": (("1.JPG", "2.JPG"), r"pictures alone, without poses .*unveil solve"),
     "a folder of pictures": (("images/1.jpg",), r"pictures alone"),
 }
 
@@ -72,9 +72,9 @@ def test_what_nobody_knows_is_answered_as_before(tmp_path: Path) -> None:
 
 
 MISSING = {
-    "nuScenes": ("*/LIDAR_TOP", r"has no points \(.*LiDAR sweeps are missing.*v1\.0-trainvalNN_blobs\.tgz"),
-    "DriveStudio": ("*/lidar", r"has no points \(the scene has no LiDAR sweeps: lidar/ is missing.*--process_keys"),
-    "Argoverse 2": ("**/sensors/lidar", r"has no points \(no LiDAR: sensors/lidar has no sweeps"),
+    "nuScenes": ("*/LIDAR_TOP", r"LiDAR sweeps are missing.*v1\.0-trainvalNN_blobs\.tgz"),
+    "DriveStudio": ("*/lidar", r"the scene has no LiDAR sweeps: lidar/ is missing.*--process_keys"),
+    "Argoverse 2": ("**/sensors/lidar", r"no LiDAR: sensors/lidar has no sweeps"),
 }
 
 
@@ -86,5 +86,5 @@ def test_points_that_are_missing_are_named_by_their_archive(name: str, tmp_path:
     assert found
     for folder in found:
         shutil.rmtree(folder)
-    with pytest.raises(DriveError, match=line):
-        check_drive(open_drive(path))
+    # Not refused: points can be found in the photographs. But it is told which archive has better ones.
+    assert any(re.search(line, told) for told in open_drive(path).notices)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from unveil_core.app.console import reporting, say
+from unveil_core.app.console import reporting_for, say
 from unveil_core.app.given_settings import settings_of
 from unveil_core.base.errors import SettingsError
 
@@ -34,7 +34,7 @@ def run_mask(arguments: argparse.Namespace) -> int:
     source = arguments.source
     check_folder_place(arguments.output, drives_of(Workspace.open(source)) if is_workspace(source) else [source])
     told: list[str] = []
-    with reporting(arguments.json) as reporter:
+    with reporting_for(arguments) as reporter:
 
         def event(message: str, level: str, done: int = 0, total: int = 0) -> dict[str, object]:
             return {

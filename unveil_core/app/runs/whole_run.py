@@ -10,8 +10,15 @@ from typing import TYPE_CHECKING
 
 from unveil_core.app.confirming import confirmed
 from unveil_core.app.console import reporting_for, say
+from unveil_core.app.footage.solve import (
+    drive_beside,
+    drive_of_footage,
+    is_footage_alone,
+    refuse_clip,
+    without_footage,
+)
 from unveil_core.app.given_settings import given_settings
-from unveil_core.base.errors import DriveError
+from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.pipeline.options.given import settings_over
 
 if TYPE_CHECKING:  # loads NumPy
@@ -35,12 +42,21 @@ def demo(arguments: argparse.Namespace) -> int:
 
 
 def run_all(arguments: argparse.Namespace) -> int:
-    """From a drive to the report."""
-    return _run_and_sum_up(arguments.drive, arguments)
+    """From a drive, a clip or photographs to the report."""
+    if not is_footage_alone(arguments.drive):
+        without_footage(arguments)
+        return _run_and_sum_up(arguments.drive, arguments)
+    if arguments.dry_run:
+        raise SettingsError(
+            "--dry-run is of drives, and this is footage",
+            mend="unveil solve makes a drive of it",
+        )
+    return _run_and_sum_up(drive_beside(arguments.output), arguments, footage=arguments.drive)
 
 
 def import_drive(arguments: argparse.Namespace) -> int:
     """The first stages: the drive, and what can be removed."""
+    refuse_clip(arguments.drive)
     if arguments.dry_run:
         return _plan(arguments.drive, arguments, "objects")
     workspace = _run(arguments.drive, arguments, "objects")
@@ -53,11 +69,11 @@ def import_drive(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
+def _run_and_sum_up(drive: Path, arguments: argparse.Namespace, *, footage: Path | None = None) -> int:
     until = getattr(arguments, "until", None)
     if arguments.dry_run:
         return _plan(drive, arguments, until)
-    workspace = _run(drive, arguments, until)
+    workspace = _run(drive, arguments, until, footage=footage)
     if until in (None, "report") and not arguments.quiet:
         from unveil_core.report.summary import print_summary
 
@@ -65,7 +81,8 @@ def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _run(drive: Path, arguments: argparse.Namespace, until: str | None) -> Workspace:
+def _run(drive: Path, arguments: argparse.Namespace, until: str | None, *, footage: Path | None = None) -> Workspace:
+    """Run a drive; where it is one of ``footage``, solve that first."""
     from unveil_core.pipeline.run import run
 
     kept = _kept(drive, arguments)
@@ -74,10 +91,13 @@ def _run(drive: Path, arguments: argparse.Namespace, until: str | None) -> Works
 
     def begun(yes: bool) -> Workspace:
         with reporting_for(arguments) as reporter:
+            source, left = drive, settings
+            if footage is not None:
+                source, left = drive_of_footage(footage, arguments.output, arguments, settings, reporter)
             return run(
-                drive,
+                source,
                 arguments.output,
-                settings,
+                left,
                 until=until,
                 replace=replace,
                 yes=yes,

@@ -44,6 +44,7 @@ class Exif:
         taken: "YYYY:MM:DD hh:mm:ss", local; utc_offset_s: of that time.
         latitude, longitude: degrees, north and east positive; altitude_m: above the sea.
         adobe_rgb: whether it says that its colours are those of Adobe RGB, as cameras without profiles do.
+        focal_35mm: focal length, mm, that shows as much on film of 36 mm width.
     """
 
     make: str | None = None
@@ -60,6 +61,7 @@ class Exif:
     longitude: float | None = None
     altitude_m: float | None = None
     adobe_rgb: bool = False
+    focal_35mm: float | None = None
 
 
 def cleaned_exif(content: bytes) -> bytes | None:
@@ -117,6 +119,7 @@ def exif_facts(content: bytes | None) -> Exif:
         degrees(3, 4, 180, "W"),
         None if altitude is None else (-altitude if below else altitude),
         text(interop, 1) == "R03" or 2 in numbers(exif, 40961),
+        number(exif, 41989),
     )
 
 

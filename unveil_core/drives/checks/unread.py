@@ -14,11 +14,13 @@ __all__ = ["Unread", "unread"]
 MOST_NAMES = 2000
 """Of a folder's entries, that are looked at."""
 ARCHIVES = (".zip", ".tgz", ".tar", ".tar.gz", ".7z", ".rar", ".tar.xz")
-VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".insv", ".360")
+VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mts", ".m2ts", ".mxf", ".3gp", ".insv", ".360")
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".heic", ".webp", ".dng", ".exr", ".dpx")
 BY_BLENDER = (".abc", ".fbx", ".usd", ".usda", ".usdc", ".usdz", ".blend")
 """Scenes with a camera that Blender opens or imports."""
 BY_COLMAP = "make poses and points with COLMAP, or with ns-process-data of nerfstudio, and give that folder"
+
+BY_SOLVE = "make a drive of it: unveil solve CLIP|FOLDER -o DRIVE; unveil run CLIP|FOLDER -o WORKSPACE does both; docs/video.md"
 
 
 @dataclass(frozen=True)
@@ -170,11 +172,11 @@ KNOWN: tuple[tuple[Callable[[_Place], bool], Unread], ...] = (
     ),
     (
         lambda p: _mostly(p, VIDEOS),
-        Unread("is a video: it has no poses of cameras", BY_COLMAP),
+        Unread("Not a drive: a clip has no poses of cameras", BY_SOLVE),
     ),
     (
         lambda p: _mostly(p, PICTURES) or (p.has("images") and len(p.names) == 1),
-        Unread("holds pictures alone: they have no poses", BY_COLMAP),
+        Unread("Not a drive: the folder holds pictures alone, without poses", BY_SOLVE),
     ),
 )
 """How each is known; the first that fits is told."""

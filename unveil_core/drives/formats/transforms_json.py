@@ -99,7 +99,7 @@ def read_transforms_json(path: Path, pose_convention: str | None = None) -> Driv
 
     Place: ``shift``, three numbers, is what the file leaves out of its coordinates.
 
-    Points: of the PLY that the file names; else of its depth images, as sweeps; else of a COLMAP model beside it.
+    Points: of the PLY that the file names; else of its depth images, as sweeps; else of a COLMAP model beside it; else none.
 
     Of a folder with ``transforms_train.json``, as those of synthetic NeRFs, the frames of all its parts are read.
 
@@ -134,13 +134,15 @@ def read_transforms_json(path: Path, pose_convention: str | None = None) -> Driv
     missing = [p for p in with_depth if not p.is_file()]
     if keys.get("ply_file_path") or len(missing) == len(with_depth):
         named = read_named_points(keys, frames)
-        if named is None:
+        held = sorted(path.parent.glob("*.ply"))
+        if named is None and (missing or held):
             problem = "names no points"
             if missing:
                 problem += f", and none of its {len(missing)} depth images is there, the first {missing[0]}"
             raise DriveError(problem, path=path, mend=_points_beside(path.parent))
-        points, sources = named.cloud, (*sources, *named.sources)
-        notices += [] if named.notice is None else [named.notice]
+        if named is not None:
+            points, sources = named.cloud, (*sources, *named.sources)
+            notices += [] if named.notice is None else [named.notice]
     else:
         sweeps = depth_sweeps(frames, _depth_unit(keys, frames, notices))
         if missing:

@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives.drive import LATEST_S, Drive, Frame
+from unveil_core.drives.drive import LATEST_S, Drive, Frame, tracks
 from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_of
 from unveil_core.drives.photographs import photograph
 from unveil_core.geometry.transforms import nearest_rotation
 
 __all__ = ["Checked", "check_drive"]
+
+FEWEST_SEEN = 3
+"""Photographs of a camera in which points can be found: a depth counts where two neighbours agree on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +38,16 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> Checked:
     """Decode every file of a drive and compare it with what the drive says of it.
 
     Raises:
-        DriveError: no frames or points, names used twice, a pose that is not rigid, a lens or time stamp that is none, a missing or
-            unreadable image, or an image whose size differs from its camera's.
+        DriveError: no frames, no points and too few photographs to find some in, names used twice, a pose that is not rigid, a lens
+            or time stamp that is none, a missing or unreadable image, or an image whose size differs from its camera's.
     """
     if not drive.frames:
         mend = "; ".join(drive.notices) or "a drive needs at least one frame"
         raise DriveError("has no frames", path=drive.root, mend=mend)
-    if not len(drive.points.positions) and not drive.sweeps:
-        told = [n for n in drive.notices if "LiDAR" in n] or drive.notices
-        mend = "; ".join(told) or "a drive needs LiDAR or SfM points"
+    if not len(drive.points.positions) and not drive.sweeps and max(map(len, tracks(drive))) < FEWEST_SEEN:
+        told = [n for n in drive.notices if "LiDAR" in n]
+        told.append(f"give LiDAR or SfM points, or {FEWEST_SEEN} photographs of a camera to find some in")
+        mend = "; ".join(told)
         raise DriveError("has no points", path=drive.root, mend=mend)
     seen: set[tuple[str, str]] = set()
     classes = np.zeros((len(drive.frames), 256), np.int64)

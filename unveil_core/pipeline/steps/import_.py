@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives import open_drive
-from unveil_core.drives.drive import Drive, FrameLabels
+from unveil_core.drives.drive import Drive, FrameLabels, PointCloud
 from unveil_core.drives.imported import pose_facts
 from unveil_core.drives.importing.colours import colour_notices
 from unveil_core.drives.importing.frames import labels_at_work_size
@@ -17,6 +18,7 @@ from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.labelling.boxes_of_points import points_have_classes, with_boxes_of_points
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, StageContext
+from unveil_core.solve.points.of_drive import found_points, has_no_points
 from unveil_core.workspace.assumptions import Assumption, assumed
 
 __all__ = ["labels_come_from", "labels_of", "run", "work_side_of"]
@@ -35,6 +37,7 @@ def run(context: StageContext) -> Facts:
     settings = context.settings
     side = work_side_of(settings)
     drive = open_drive(context.drive, settings.drive_options)
+    drive = _with_points(drive, context)
     placement = place_drive(drive, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
     folder = context.output("drive")
     imported = import_drive(
@@ -56,6 +59,19 @@ def run(context: StageContext) -> Facts:
         "notices": [*drive.notices, *colour_notices(imported.frames)],
         **assumed(tested),
     }
+
+
+def _with_points(drive: Drive, context: StageContext) -> Drive:
+    """A drive with points: of one that has none those that its photographs show."""
+    if not has_no_points(drive):
+        return drive
+
+    def made() -> dict[str, Any]:
+        points = found_points(drive, context.progress)
+        return {"positions": points.positions, "colors": points.colors}
+
+    found = context.kept.once("points", made)
+    return replace(drive, points=PointCloud(found["positions"], found["colors"]))
 
 
 def _poses_assumed(facts: dict[str, Any]) -> list[Assumption]:

@@ -90,7 +90,7 @@ def chosen_model(
         DriveError: a model that is damaged.
     """
     if len(folders) == 1 and wanted is None:
-        return _read(folders[0], read_images(folders[0])), []
+        return _read(folders[0], read_images(folders[0]), alone=True), []
     images, notices = _images_of(folders, wanted)
     by_name = {f.name: f for f in folders}
     sizes = ", ".join(f"{n} ({len(images[n])} pictures)" for n in list(images)[:SHOWN]) + ", …" * (len(images) > SHOWN)
@@ -188,11 +188,12 @@ def _told(order: Sequence[str], images: dict[str, list[ModelImage]], sizes: str)
     return line
 
 
-def _read(folder: Path, images: Sequence[ModelImage]) -> Model:
+def _read(folder: Path, images: Sequence[ModelImage], *, alone: bool = False) -> Model:
+    """A model; one that is ``alone`` may have no file of points, for they can be found in the photographs."""
     lenses = read_cameras(folder)
-    return Model(
-        (folder.name,), (folder,), tuple((i, lenses.get(i.camera), folder) for i in images), read_model_points(folder)
-    )
+    bare = alone and not any((folder / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt"))
+    points = PointCloud(np.zeros((0, 3))) if bare else read_model_points(folder)
+    return Model((folder.name,), (folder,), tuple((i, lenses.get(i.camera), folder) for i in images), points)
 
 
 def _placed(

@@ -1,0 +1,73 @@
+"""``unveil solve``, and ``unveil run`` of footage, as a user meets them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.drives.tiny_drive import make_tiny_drive
+from tests.solve.films import write_frames
+from unveil_core.app.cli import main
+from unveil_core.app.footage.solve import footage_settings, is_footage_alone, summary
+from unveil_core.app.given_settings import settings_of
+from unveil_core.app.parser import command_parser
+from unveil_core.base.errors import SettingsError
+
+
+def _run(*words: str) -> tuple[object, object]:
+    arguments = command_parser().parse_args(["run", "clip.mp4", "-o", "out", *words])
+    return footage_settings(arguments, settings_of(arguments)), arguments
+
+
+def test_a_run_of_footage_hands_on_what_the_solve_takes(tmp_path: Path) -> None:
+    settings, _ = _run(
+        "--labels", str(tmp_path), "--camera-height", "1.4", "--frames", "0:50", "--every", "2", "--focal", "26mm"
+    )
+    told = (settings.labels, settings.camera_height, settings.frames, settings.every, settings.focal)  # type: ignore[attr-defined]
+    assert told == (tmp_path, 1.4, "0:50", 2, "26mm")
+
+
+def test_what_only_drives_have_is_refused() -> None:
+    with pytest.raises(SettingsError, match="--scale is of drives, and this is footage"):
+        _run("--scale", "2")
+
+
+def test_what_only_footage_has_is_refused_of_a_drive(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive = make_tiny_drive(tmp_path / "drive")
+    assert main(["run", str(drive), "-o", str(tmp_path / "out"), "--known-length", "20"]) == 2
+    assert "--known-length is of clips and photographs, and this is a drive" in capsys.readouterr().err
+
+
+def test_a_drive_is_no_footage(tmp_path: Path) -> None:
+    drive = make_tiny_drive(tmp_path / "drive")
+    assert not is_footage_alone(Path(drive)) and not is_footage_alone(Path(drive).parent)
+    assert is_footage_alone(write_frames(tmp_path / "frames", [np.zeros((8, 8, 3), np.uint8)] * 3))
+
+
+@pytest.mark.parametrize("verb", ["import", "check"])
+def test_other_verbs_name_the_door(verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    clip = tmp_path / "clip.mp4"
+    clip.write_bytes(b"\0" * 100)
+    assert main([verb, str(clip), "-o", str(tmp_path / "out")]) == 2
+    line = capsys.readouterr().err
+    assert "Not a drive" in line and "unveil solve CLIP" in line and line.count("\n") == 1
+
+
+def test_a_broken_clip_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("av")
+    clip = tmp_path / "clip.mp4"
+    clip.write_bytes(b"\0" * 100)
+    assert main(["solve", str(clip), "-o", str(tmp_path / "out")]) == 2
+    line = capsys.readouterr().err
+    assert "clip.mp4: Not a readable video" in line and "copy the clip again" in line
+
+
+def test_the_summary_says_what_matters() -> None:
+    facts = {
+        "frames": 9, "placed": 8, "error_px": 0.5, "points": 1234, "scale": "as given", "way_m": 12.0,
+        "lens": {"camera": {"focal_px": 700.0, "focal_known_by": "given"}},
+    }  # fmt: skip
+    text = "\n".join(summary(facts))
+    assert "8 of 9, 12.0 m" in text and "700 px (given)" in text and "1,234" in text

@@ -1,0 +1,143 @@
+"""The sample clip, solved as a whole: in a process that knows no torch, continued, and read back."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.solve.films import COUNT, frames, truth, write_clip, write_frames, write_labels
+from unveil_core.base.drive_options import DriveOptions
+from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.drives import open_drive
+from unveil_core.drives.scale_and_up import place_drive
+from unveil_core.solve.settings import SolveSettings
+from unveil_core.solve.solve import solve
+
+needs_colmap = pytest.mark.skipif(find_spec("pycolmap") is None, reason="pycolmap is not installed")
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The drive of 16 frames, by the command, as a user has it."""
+    if find_spec("pycolmap") is None:
+        pytest.skip("pycolmap is not installed")
+    root = tmp_path_factory.mktemp("solve")
+    write_frames(root / "frames", list(frames()))
+    write_labels(root / "labels")
+    focal, height, _ = truth()
+    words = [
+        "solve",
+        "frames",
+        "-o",
+        "drive",
+        "--labels",
+        "labels",
+        "--camera-height",
+        str(height),
+        "--focal",
+        str(focal),
+        "--json",
+    ]
+    code = f"import sys; from unveil_core.app.cli import main; code = main({words!r}); "
+    code += "assert 'torch' not in sys.modules; sys.exit(code)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    events = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {"decode", "look", "features", "match", "map", "rest", "points"} <= {e.get("stage") for e in events}
+    assert events[-1]["solve"]["placed"] == COUNT
+    return root / "drive"
+
+
+def test_the_cameras_are_where_they_were(solved: Path) -> None:
+    drive = open_drive(solved)
+    focal, _, poses = truth()
+    assert [f.name for f in drive.frames] == [f"{k:04d}" for k in range(COUNT)]
+    here, there = np.stack([f.camera.centre for f in drive.frames]), poses[:, :3, 3]
+    way = float(np.linalg.norm(np.diff(there, axis=0), axis=1).sum())
+    own = float(np.linalg.norm(np.diff(here, axis=0), axis=1).sum())
+    assert own == pytest.approx(way, rel=0.06)  # in metres, by the height of the camera
+    a, b = here - here.mean(axis=0), there - there.mean(axis=0)
+    u, s, vt = np.linalg.svd(b.T @ a)
+    turn = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
+    off = b - s.sum() / (a**2).sum() * a @ turn.T
+    assert np.sqrt((off**2).sum(axis=1).mean()) < 0.01 * way
+    assert drive.frames[0].camera.fx == pytest.approx(focal)
+
+
+def test_an_import_needs_no_more(solved: Path) -> None:
+    drive = open_drive(solved)
+    placement = place_drive(drive)
+    assert placement.scale_is_known and placement.up_is_known and placement.up_name == "z"
+    assert all(f.semantic_path is not None and f.camera_name == "camera" for f in drive.frames)
+    assert len(drive.points.positions) > 2000 and drive.points.colors is not None
+    ground = drive.points.positions[:, 2]
+    assert drive.frames[0].camera.centre[2] - np.percentile(ground, 5) == pytest.approx(truth()[1], abs=0.35)
+
+
+def test_the_colmap_model_has_the_same_cameras(solved: Path) -> None:
+    drive, model = open_drive(solved), open_drive(solved / "sparse/0", DriveOptions())
+    assert len(model.frames) == COUNT and len(model.points.positions) > 100
+    for a, b in zip(drive.frames, model.frames, strict=True):
+        assert a.name == b.name
+        assert np.allclose(a.camera.world_to_camera, b.camera.world_to_camera, atol=1e-6)
+        assert a.camera.intrinsics == pytest.approx(b.camera.intrinsics)
+
+
+def test_the_page_needs_nothing_but_itself(solved: Path) -> None:
+    page = (solved / "solve.html").read_text()
+    assert f"{COUNT} of {COUNT} frames have a camera" in page and "The way from above" in page
+    assert "http://" not in page and "https://" not in page and "<script" not in page
+
+
+def test_a_rerun_does_only_what_is_missing(solved: Path) -> None:
+    root, told = solved.parent, []
+    same = {"labels": root / "labels", "focal": str(truth()[0])}
+
+    def reporter(event: dict[str, object]) -> None:
+        told.append((event["stage"], event["message"]))
+
+    before = (solved / "images/0003.png").stat().st_mtime_ns
+    facts = solve([root / "frames"], solved, SolveSettings(**same, known_length=30.0), reporter).facts  # type: ignore[arg-type]
+    assert {s for s, m in told if m == "up to date"} == {"decode", "look", "map", "rest", "points"}
+    assert ("features", "started") not in told
+    assert facts["way_m"] == pytest.approx(30.0, rel=0.02)
+    assert (solved / "images/0003.png").stat().st_mtime_ns == before
+
+
+@needs_colmap
+def test_five_frames_are_one_line(tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "a.mp4", list(frames())[:5])
+    with pytest.raises(DriveError, match=r"a\.mp4: Too few frames: 5"):
+        solve([clip], tmp_path / "drive", SolveSettings())
+
+
+@pytest.mark.parametrize("what", ["nothing there", "a text", "an empty folder", "own folder", "somebody's folder"])
+def test_what_is_no_footage_or_no_place_is_one_line(what: str, tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("mine")
+    (tmp_path / "empty").mkdir()
+    source = write_frames(tmp_path / "frames", list(frames())[:2])
+    given, output, line, kind = {
+        "nothing there": (tmp_path / "b.mp4", tmp_path / "o", r"b\.mp4: Not found", DriveError),
+        "a text": (tmp_path / "a.txt", tmp_path / "o", r"a\.txt: Not footage .*as \.mp4", DriveError),
+        "an empty folder": (tmp_path / "empty", tmp_path / "o", "the folder has no photographs", DriveError),
+        "own folder": (source, source / "drive", "lies in the footage", SettingsError),
+        "somebody's folder": (source, tmp_path, "lies in the footage, or around it", SettingsError),
+    }[what]
+    with pytest.raises(kind, match=line):
+        solve([given], output, SolveSettings())
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_folder_that_no_solve_made_is_left_alone(tmp_path: Path) -> None:
+    source = write_frames(tmp_path / "frames", list(frames())[:2])
+    (tmp_path / "o").mkdir()
+    (tmp_path / "o/notes.txt").write_text("mine")
+    with pytest.raises(SettingsError, match="is there already, and no solve wrote it .*--replace"):
+        solve([source], tmp_path / "o", SolveSettings())
+    assert [p.name for p in (tmp_path / "o").iterdir()] == ["notes.txt"]

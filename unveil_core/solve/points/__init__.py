@@ -1,0 +1,1 @@
+"""Points by optical flow between frames whose cameras are known."""
