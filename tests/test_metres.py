@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-AT_THE_DOOR = ("drives/drive.py", "drives/importing/", "drives/scale_and_up.py", "drives/formats/")
+AT_THE_DOOR = ("drives/drive.py", "drives/importing/", "drives/scale_and_up.py", "drives/formats/", "solve/placing.py")
 """Where a drive's own unit is still known, as ``units_per_metre``."""
 
 

@@ -29,7 +29,7 @@ def write_drive(
     reels: Sequence[Reel],
     points: PointCloud,
     *,
-    metric: bool,
+    sure_of_metres: bool,
     labels: dict[FootageFrame, str],
     masks: dict[FootageFrame, str],
 ) -> None:
@@ -38,7 +38,7 @@ def write_drive(
     Args:
         folder: of the drive; photographs are in its ``images/`` already.
         points: that the scene starts from; the model's own go to ``sparse/0``.
-        metric: the metres are known, not assumed.
+        sure_of_metres: they are known, not assumed.
         labels, masks: files of frames that have such, relative to ``folder``.
     """
     number = {n: i for i, n in enumerate(model.names)}
@@ -63,7 +63,7 @@ def write_drive(
             frames.append(entry)
     write_points(points, folder / "points.ply")
     _write_colmap(folder / "sparse/0", model)
-    content: dict[str, Any] = {"generator": GENERATOR, "metric": metric, "up": [0.0, 0.0, 1.0]}
+    content: dict[str, Any] = {"generator": GENERATOR, "metric": sure_of_metres, "up": [0.0, 0.0, 1.0]}
     content |= {"ply_file_path": "points.ply", **({"semantic_classes": "cityscapes"} if labels else {})}
     write_json_atomic(folder / "transforms.json", {**content, "frames": frames})
 

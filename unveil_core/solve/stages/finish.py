@@ -41,7 +41,7 @@ def finish(
     frames = [f for r in reels for f in r.frames]
     labels = _kept(looked.labels, output, "semantics")
     masks = _kept(looked.masks, output, "masks")
-    write_drive(output, found.model, reels, found.points, metric=found.placed.known, labels=labels, masks=masks)
+    write_drive(output, found.model, reels, found.points, sure_of_metres=found.placed.known, labels=labels, masks=masks)
     placed_frames = set(found.model.names)
     errors = found.model.frame_errors()
     way = float(np.linalg.norm(np.diff(found.model.centres, axis=0), axis=1).sum()) if len(reels) == 1 else None

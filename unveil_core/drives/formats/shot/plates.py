@@ -12,7 +12,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.drives.formats.on_disk.pictures import pictures_in
 from unveil_core.drives.formats.shot.described import Described
 
-__all__ = ["Matched", "by_name", "by_number", "named_pictures", "sequence_of"]
+__all__ = ["Matched", "by_name", "by_number", "named_pictures", "plates_beside", "sequence_of"]
 
 DIGITS = re.compile(r"([0-9]+)")
 PATTERN = re.compile(r"(.*?)(#+|%0?[0-9]*d)(.*)", re.DOTALL)
@@ -105,6 +105,11 @@ def named_pictures(path: Path, said: Described) -> dict[str, Path]:
             mend='put them beside it or into images/, or set "plates" in shot.json',
         )
     return found
+
+
+def plates_beside(path: Path) -> bool:
+    """Whether any pictures lie where those of a camera path are looked for."""
+    return any(pictures_in(folder) for folder in _folders(path, Described()))
 
 
 def _folders(path: Path, said: Described) -> list[Path]:

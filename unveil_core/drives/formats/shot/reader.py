@@ -25,7 +25,14 @@ from unveil_core.drives.formats.shot.columns import read_columns
 from unveil_core.drives.formats.shot.described import FILE, Described, described
 from unveil_core.drives.formats.shot.metashape import read_metashape
 from unveil_core.drives.formats.shot.path import CameraPath
-from unveil_core.drives.formats.shot.plates import Matched, by_name, by_number, named_pictures, sequence_of
+from unveil_core.drives.formats.shot.plates import (
+    Matched,
+    by_name,
+    by_number,
+    named_pictures,
+    plates_beside,
+    sequence_of,
+)
 from unveil_core.drives.formats.shot.points import read_shot_points
 from unveil_core.drives.formats.shot.realityscan import read_realityscan
 from unveil_core.drives.scale_and_up import UP_AXES
@@ -45,11 +52,12 @@ NAMES = ("cameras.xml", "cameras.csv", "camera.txt")
 
 
 def recognizes(path: Path) -> bool:
-    """Whether a file is a camera path or a shot.json, or a folder holds one."""
+    """Whether a file is a camera path or a shot.json, or a folder holds one, with plates: exported cameras alone are no drive."""
     if path.is_file():
         name = path.name.lower()
         return path.suffix.lower() in (".chan", ".xml", ".csv") or name == FILE or name in NAMES
-    return bool(_held(path))
+    held = _held(path)
+    return bool(held) and (held[0].name.lower() == FILE or plates_beside(held[0]))
 
 
 def _held(folder: Path) -> list[Path]:
