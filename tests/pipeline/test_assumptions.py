@@ -177,7 +177,7 @@ def test_a_sun_that_was_given_is_recorded_as_given() -> None:
 
 
 def completed(sides: int, facing: float | None) -> Completed:
-    return Completed(None, None, None, None, sides, 0, facing, np.zeros(0, dtype=bool))
+    return Completed(None, None, sides, 0, facing, np.zeros(0, dtype=bool))
 
 
 def test_facades_that_stand_across_are_not_parallel_to_the_street() -> None:

@@ -145,8 +145,9 @@ def _carried(chart: StreetChart, sunny: Float32, even: Mask) -> tuple[Float32, F
         sunny: (A, B, 3) as seen, shade taken away; even: (A, B) where that can be trusted.
     """
     ground, fine = np.zeros_like(sunny), np.zeros_like(sunny)
-    parts = parts_between_corners(chart.ground.path, chart.coordinates()[0])
-    for part in parts if all(even[p].any() for p in parts) else [slice(None)]:
+    streets = parts_between_corners(chart.ground.path, chart.coordinates()[0])
+    # In a corner the ground is that of all: only before and after it each street has its own.
+    for part in [slice(None), *(p for p in streets if len(streets) > 1 and even[p].any())]:
         known, color = even[part], sunny[part]
         lines = lateral_lines(color, known, chart.texel)
         carried = kriged(color - lines, known, chart.texel)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import read_own_json, write_json_atomic
 from unveil_core.base.output.written import GENERATOR, is_ours
@@ -84,7 +85,7 @@ def matte_name(thing: Recorded, key: str) -> str:
 
 def digest(path: Path) -> str:
     """Of a file's content."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    return hashlib.sha256(read_bytes(path)).hexdigest()[:16]
 
 
 def edited(folder: Path, thing: Recorded) -> list[str]:

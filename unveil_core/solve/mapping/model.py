@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Distortion
 from unveil_core.geometry.camera import Camera
@@ -135,7 +136,7 @@ class Model:
 
 def read_model(path: Path) -> Model:
     """The model that ``child.py`` wrote."""
-    with np.load(path) as held:
+    with open_file(path) as file, np.load(file) as held:
         lenses = tuple(
             Lens(str(name), int(size[0]), int(size[1]), tuple(json.loads(str(text))))
             for name, size, text in zip(held["models"], held["sizes"], held["parameters"], strict=True)

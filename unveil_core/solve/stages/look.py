@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Mask
 from unveil_core.solve.events import Events
@@ -85,7 +86,7 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
         events.notice("look", line, "warning")
     if settings.segmenter is not None:
         labels = labelled(settings.segmenter, output / "images", frames, output / "semantics", events.progress("label"))
-    with np.load(bonnets_file) as held:
+    with open_file(bonnets_file) as file, np.load(file) as held:
         found = {k: held[k] for k in held.files}
     masks_folder = steps.folder / "masks"
     shutil.rmtree(masks_folder, ignore_errors=True)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import Reel
@@ -51,7 +52,7 @@ def place_rest(model: Model, reels: Sequence[Reel], output: Path, steps: Steps, 
 
 
 def _read_every(model: Model, place: Path) -> Model:
-    with np.load(place) as held:
+    with open_file(place) as file, np.load(file) as held:
         known = set(model.names)
         more = [(str(n), int(k), p) for n, k, p in zip(held["names"], held["lens"], held["poses"], strict=True)]
     more = [m for m in more if m[0] not in known]
