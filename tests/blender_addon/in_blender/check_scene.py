@@ -234,7 +234,7 @@ def test_choices_become_options(addon, scene, made: Path) -> None:
     (car,) = listed.objects
     assert (car.number, car.class_name, car.frames, car.chosen) == (5, "car", 8, True)
     assert 1.0 < car.size[2] < 2.0 and 1 < car.distance < 8 and Path(car.thumbnail).is_file()
-    assert selection.arguments(scene) == ["--remove", "car"]
+    assert selection.arguments(scene) == []  # the workspace keeps what it was made with: all that can be removed
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.unveil.toggle_object("EXEC_DEFAULT", True, number=5)
     assert not scene.unveil_selection.objects[0].chosen and selection.arguments(scene) == []
@@ -247,7 +247,7 @@ def test_choices_become_options(addon, scene, made: Path) -> None:
     scene.unveil_selection.classes["car"].chosen = False
     assert not scene.unveil_selection.objects[0].chosen
     bpy.ops.unveil.choose(which="VEHICLES")
-    assert scene.unveil_selection.classes["car"].chosen and selection.arguments(scene) == ["--remove", "car"]
+    assert scene.unveil_selection.classes["car"].chosen and selection.arguments(scene) == []
     scene.unveil_selection.classes["building"].chosen = True  # has no single objects
     assert selection.arguments(scene) == ["--remove", "building,car"]
     bpy.ops.unveil.choose(which="NONE")
