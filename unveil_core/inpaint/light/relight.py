@@ -13,7 +13,6 @@ from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.light.shade import Light, Shade
 
 __all__ = [
-    "levelled_border",
     "object_shadows",
     "prevailing_shade",
     "relighting_gain",

@@ -21,7 +21,7 @@ from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.light.darkness import blueness
 from unveil_core.inpaint.light.sun import Sun
 
-__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "beside_lines", "lines_along", "read_shade", "shade_where_unseen"]
+__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_unseen"]
 
 Profile = Callable[[Float32, Mask], Float32]
 """From a picture (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
