@@ -15,7 +15,7 @@ from scipy import fft, optimize
 
 from unveil_core.base.types import Float32, Float64
 
-__all__ = ["ENDLESS", "Covariance", "ladder", "measured_covariance"]
+__all__ = ["Covariance", "ladder", "measured_covariance"]
 
 STEP = 2.5
 """From one length of the ladder to the next: sums of Gaussians so far apart follow an exponential to some per cent."""

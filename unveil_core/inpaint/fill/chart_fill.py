@@ -41,15 +41,15 @@ from unveil_core.inpaint.light.shade import (
 
 __all__ = ["SHADOW_REACH_M", "fill_chart"]
 
-LONG_WINDOW_M, LONG_HOP_M = 20.0, 8.0
-"""The same of the stretch that tells what is painted there: a zebra crossing is 4 m long, and a hole beside it as much again."""
 OTHER_PAINT, ACROSS_M = 0.2, 0.4
-"""Change of luma between the two stretches from which on they show different paint, and standard deviation across the street over
-which all other change is taken for light or age, metres. On a street with a zebra crossing 3.1 dB of what is invented, on two
-without +0.05 and -0.4 dB."""
+"""Change of luma between a long and a short stretch from which on they show different paint, and standard deviation across the
+street over which all other change is taken for light or age, metres. On a street with a zebra crossing 3.1 dB of what is invented,
+on two without +0.05 and -0.4 dB."""
 WINDOW_M, HOP_M = 5.0, 4.0
 """Half length of the stretch whose median stands for a lateral offset, and the distance between such stretches, metres: longer
 than a parked car, so that each holds open road; chosen on the two sample streets."""
+LONG_WINDOW_M, LONG_HOP_M = 20.0, 8.0
+"""The same of the stretch that tells what is painted there: a zebra crossing is 4 m long, and a hole beside it as much again."""
 SHADOW_RATIO = 0.82
 """Without a known sun: luma of a texel, as a share of its offset's lit level, below which it lies in shadow. Soft shadows under an
 overcast sky take about a quarter of the light; chosen on the two sample streets."""
@@ -104,7 +104,7 @@ def fill_chart(
     missing = _missing_light(light, shade.dark & ~shadow, sound, per_m=per_m)
     illumination: NDArray[Any] = 1 - missing[..., None] * (1 - shade.ratio)
     even = sound & ~grow((missing > 0.02) & (missing < 0.98), BORDER_M * per_m)
-    # In full sun: what the medians and the texture are taken from.
+    # In full sun: what the ground and its texture are carried from.
     sunny = np.where(seen[..., None], chart.color / illumination, 0).astype(np.float32)
     ground, fine = _carried(chart, sunny, even)
     target = ground * illumination
@@ -128,7 +128,7 @@ def fill_chart(
     fill = (ground + texture_for(hole, fine, even, chart.texel)) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
-    # Beyond the street the chart repeats its profile, so that nothing black is blended in at its edge.
+    # Beyond the street the chart goes on as it is carried, so that nothing black is blended in at its edge.
     beyond = ~inside & ~seen
     color[beyond] = target[beyond]
     source[beyond] = OUTSIDE
@@ -145,15 +145,20 @@ def _carried(chart: StreetChart, sunny: Float32, even: Mask) -> tuple[Float32, F
         sunny: (A, B, 3) as seen, shade taken away; even: (A, B) where that can be trusted.
     """
     ground, fine = np.zeros_like(sunny), np.zeros_like(sunny)
-    streets = parts_between_corners(chart.ground.path, chart.coordinates()[0])
-    # In a corner the ground is that of all: only before and after it each street has its own.
-    for part in [slice(None), *(p for p in streets if len(streets) > 1 and even[p].any())]:
+    for part in _streets(chart, even):
         known, color = even[part], sunny[part]
         lines = lateral_lines(color, known, chart.texel)
         carried = kriged(color - lines, known, chart.texel)
         ground[part] = np.clip(carried.all + lines, 0, 1)
         fine[part] = np.where(known[..., None], color - lines - carried.broad, 0)
     return ground, fine
+
+
+def _streets(chart: StreetChart, known: Mask) -> list[slice]:
+    """The rows of all, then those of each street between corners of which something is ``known`` (A, B): in a corner the ground is
+    that of all, before and after it each street has its own."""
+    streets = parts_between_corners(chart.ground.path, chart.coordinates()[0])
+    return [slice(None), *(part for part in streets if len(streets) > 1 and known[part].any())]
 
 
 def _profile(chart: StreetChart) -> Profile:
@@ -164,7 +169,6 @@ def _profile(chart: StreetChart) -> Profile:
     """
     per_m = 1.0 / chart.texel
     windows = [(int(w * per_m), max(1, int(h * per_m))) for w, h in ((LONG_WINDOW_M, LONG_HOP_M), (WINDOW_M, HOP_M))]
-    streets = parts_between_corners(chart.ground.path, chart.coordinates()[0])
 
     def of_one(color: Float32, usable: Mask) -> Float32:
         long, short = (lateral_profile(color, usable, window=window, hop=hop)[0] for window, hop in windows)
@@ -173,10 +177,9 @@ def _profile(chart: StreetChart) -> Profile:
         return (long * (1 + spread_from(brighter, same, [ACROSS_M * per_m]))).astype(np.float32)
 
     def profile(color: Float32, usable: Mask) -> Float32:
-        result = of_one(color, usable)
-        for part in streets if len(streets) > 1 else []:
-            if usable[part].any():
-                result[part] = of_one(color[part], usable[part])
+        result = np.empty_like(color)
+        for part in _streets(chart, usable):
+            result[part] = of_one(color[part], usable[part])
         return result
 
     return profile

@@ -7,7 +7,7 @@ import numpy as np
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import masked_blur
 
-__all__ = ["BROAD_M", "lateral_lines"]
+__all__ = ["lateral_lines"]
 
 BROAD_M = 0.3
 """Standard deviation, metres, of the surroundings that a texel's detail is told from: wider than a painted line or a joint."""
