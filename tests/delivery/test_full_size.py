@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -59,7 +58,6 @@ def delivered(
     side: int = 90,
     lens: Distortion | None = None,
     depth_m: float = 0.0,
-    copied: Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray]] | None = None,
     plate: PlateColours | None = None,
 ) -> np.ndarray:
     """The frame of a drive of one frame, without ground, and without surface or before a wall.
@@ -67,7 +65,7 @@ def delivered(
     Args:
         picture: as a file has it; removed, relit: (h, w) of working size.
         clean: (h, w, 3) uint8 of working size.
-        depth_m: of the wall; copied: see ``FullSize``; plate: what the picture means, where it is of a plate.
+        depth_m: of the wall; plate: what the picture means, where it is of a plate.
     """
     footage = Footage(Path("f.png"), CAMERA, lens, plate)
     camera = working_camera(CAMERA, side)
@@ -81,7 +79,6 @@ def delivered(
         grain=lambda _, sigma: grain_of(as_color(picture), sigma),
         ground=None,
         shifts=None,
-        copied=copied,
     )
     return full_size_frame(CleanFrame(footage, photograph, clean, removed, relit), 0, drive, picture)
 
@@ -220,35 +217,6 @@ def test_a_deep_blue_shadow_comes_out_as_grey_as_the_street() -> None:
     mean = frame[inside].astype(float).mean(axis=0) / 255
     assert np.abs(mean - 0.4).max() < 0.02
     assert frame[inside].std() > 1.0  # it is the footage, not the enlarged clean frame
-
-
-@pytest.mark.parametrize("brighter", [1.0, 0.8])
-def test_a_copied_facade_has_the_detail_of_what_it_was_copied_from(brighter: float) -> None:
-    """A wall right ahead that looks the same 30 pixels, or 2 m, to the left, here a little darker: its grain, not any noise."""
-    camera, pixels = working_camera(CAMERA, 90), 30
-    depth_m = 2.0 * CAMERA.fx / pixels
-    wall = np.tile(texture()[:, :pixels], (1, CAMERA.width // pixels, 1))
-    removed = np.zeros((60, 90), bool)
-    removed[20:40, 45:60] = True
-    hidden = nearest(removed, 2)
-    wall[:, 90:] *= brighter
-    clean = at_work_size((wall * 255).round().astype(np.uint8), Footage(Path("f.png"), CAMERA, None), camera)
-    soft = cv2.GaussianBlur(clean, (0, 0), 1.5)
-    photograph = np.where(hidden[..., None], 0.2, wall)
-    picture = (photograph * 255).round().astype(np.uint8)
-    first, second = CAMERA.rays()[60, :2]
-    left = 2.0 * (first - second) / np.linalg.norm(first - second)
-
-    def copied(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return np.arange(len(points)), points + left, np.full((len(points), 3), brighter, np.float32)
-
-    inside = cv2.erode(hidden.astype(np.uint8), np.ones((9, 9))) > 0
-    right = []
-    for where in (None, copied):
-        made = delivered(picture, removed, np.zeros_like(removed), soft, depth_m=depth_m, copied=where)
-        fine, true = (p - cv2.GaussianBlur(p, (0, 0), 2.0) for p in (made / np.float32(255), wall))
-        right.append(float(np.corrcoef(fine[inside].ravel(), true[inside].ravel())[0, 1]))
-    assert right[0] < 0.6 and right[1] > 0.95
 
 
 def test_what_a_darker_camera_shows_is_brought_to_the_colours_of_the_frame() -> None:

@@ -45,7 +45,6 @@ from unveil_core.ground.fit import DriveGround
 from unveil_core.ground.height_field import HeightField
 from unveil_core.ground.path import StreetPath
 from unveil_core.inpaint.chart.files import ChartSources, read_chart_sources, save_chart
-from unveil_core.inpaint.facade.copies import FacadeCopies, read_copies, save_copies
 from unveil_core.mesh.export import read_ply, write_ply
 from unveil_core.mesh.mesh import Mesh
 from unveil_core.surfels.ply import read_surfels, write_surfels
@@ -364,19 +363,18 @@ def _columns_of(path: Path) -> list[str]:
 def _workspace_arrays(folder: Path) -> Opened:
     """What a workspace keeps as NumPy arrays, its checkpoints among it."""
     folder.mkdir(parents=True)
-    ground, sky, chart, copies, points, kept = (
-        folder / n for n in ("ground.npz", "sky.npz", "chart.npz", "facades.npz", "points.npy", "kept.npz")
+    ground, sky, chart, points, kept = (
+        folder / n for n in ("ground.npz", "sky.npz", "chart.npz", "points.npy", "kept.npz")
     )
     nodes = np.stack([np.arange(5.0), np.zeros(5)], axis=1)
     way = StreetPath(np.eye(3), nodes, np.zeros(5), 0.0, 1.0)
     write_ground(DriveGround(way, None, HeightField(np.eye(3), np.zeros(2), 0.5, np.ones((3, 3)))), ground)
     save_sky(Sky(torch.full((3, 4, 8), 0.5), np.eye(3)), sky)
     save_chart(ChartSources(np.ones((3, 4), np.uint8), np.zeros((3, 4), np.int16), 0.0, -1.0, 0.05), chart)
-    save_copies([FacadeCopies(np.ones((3, 4), bool), np.ones((3, 6), np.float32), np.array([0.0, 0.05]))], copies)
     save_array(np.arange(6, dtype=np.uint8), points)
     Checkpoint(kept).save({"means": np.ones((3, 3), np.float32)}, {"frames": 3, "loss": 0.5})
     ways: dict[Path, Callable[[Path], object]] = {
-        ground: read_ground, sky: load_sky, chart: read_chart_sources, copies: read_copies,
+        ground: read_ground, sky: load_sky, chart: read_chart_sources,
         points: load_array, kept: lambda p: Checkpoint(p).load(),
     }  # fmt: skip
     return Opened(tuple(ways), lambda p: ways[p](p))

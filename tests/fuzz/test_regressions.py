@@ -148,7 +148,6 @@ ARRAYS = (
     ("archives of arrays", "object.npz", "pointcloud"),
     ("arrays of a workspace", "kept.npz", "facts"),
     ("arrays of a workspace", "chart.npz", "label"),
-    ("arrays of a workspace", "facades.npz", "0.rows"),
     ("arrays of a workspace", "sky.npz", "texture"),
     ("arrays of a workspace", "ground.npz", "axes"),
 )

@@ -27,12 +27,6 @@ SOURCES = 6
 """Frames at most whose footage a frame takes detail from: more show little else, and each costs a look at its whole picture."""
 GRAIN_SOURCES = 3
 """Other frames that are asked for the grain of the ground, where this one does not show the piece that it is taken from."""
-MOST_FINER = 2.0
-"""A source of a copied facade that is so many times finer than the view is none: single pixels would be picked out of it. So, and
-with the foreshortening counted, copies on five drawn streets have 0.74 to 1.18 of the finest band of the true spectrum, with the
-depth alone 0.78 to 1.32."""
-STEP_M = 0.1
-"""Length along the street by whose pictures it is told how foreshortened a facade is, metres."""
 DARKEST = 0.02
 """Level, of 1, that is added to both sides of a ratio of light: in black, noise is no light."""
 AROUND_PX = 3
@@ -69,8 +63,6 @@ class FullSize:
         lenses: of all frames; exposures: of all frames.
         grain: (H, W) of a frame's file, by index and pixels of the Gaussian that it is finer than, see ``detail.grain_of``.
         ground: the street's, None where there is none; shifts: for its invented parts.
-        copied: which of world points (N, 3) lie on a facade that was copied from elsewhere: their indices (M,), the world points
-            that they were copied from (M, 3), and by how much brighter they are (M, 3). None where no facade was.
     """
 
     views: EmptyViews
@@ -80,7 +72,6 @@ class FullSize:
     grain: Callable[[int, float], Float32]
     ground: Ground | None
     shifts: GroundShifts | None
-    copied: Callable[[Float64], tuple[NDArray[np.int64], Float64, Float32]] | None = None
 
 
 def as_color(picture: NDArray[Any]) -> Float32:
@@ -206,69 +197,11 @@ def _sharpened(
         colors = in_exposure(colors, drive.exposures[j], drive.exposures[index])
         shown = _scattered(np.minimum(finer, FINER), removed)
         best.add(*with_detail(base, _scattered(colors, removed), shown > 0, scale), shown)
-    _add_copied(best, points, known & ~on_ground, size, base, removed, index, drive, scale)
     result = base + best.believed[..., None] * (best.picture - base)
     bare = 1.0 - best.believed
     grain = _ground_grain(street, on_ground & (bare[removed] > 0), index, removed, drive, sources, scale)
     grain = np.where(np.isnan(grain), sensor_noise(original, ~removed, scale, seed=index), grain)
     return result + (bare * grain)[..., None]
-
-
-def _add_copied(
-    best: BestSource,
-    points: Float64,
-    asked: Mask,
-    size: Float64,
-    base: Float32,
-    removed: Mask,
-    index: int,
-    drive: FullSize,
-    scale: float,
-) -> None:
-    """Add to the best source what the footage shows of that piece of a facade that an invented one was copied from.
-
-    Args:
-        points: (N, 3) of the removed pixels; asked: (N,) those that are looked for; size: (N,) metres of a pixel there.
-        base: (H, W, 3) the clean frame, enlarged; removed: (H, W) bool.
-    """
-    if drive.copied is None or not asked.any():
-        return
-    some = np.flatnonzero(asked)
-    found, there, brighter = drive.copied(points[some])
-    some = some[found]
-    if not len(some):
-        return
-    places, ratio, copied = points.copy(), np.ones((len(points), 3), np.float32), np.zeros(len(points), dtype=bool)
-    places[some], ratio[some], copied[some] = there, brighter, True
-    for j in (index, *choose_sources(there, index, drive.views, SOURCES)):
-        colors, finer = _seen_in(places, copied, j, drive, size)
-        colors = ratio * in_exposure(colors, drive.exposures[j], drive.exposures[index])
-        shown = _scattered(_alike(finer, points, places, index, j, drive), removed)
-        best.add(*with_detail(base, _scattered(colors, removed), shown > 0, scale), shown)
-
-
-def _alike(
-    finer: NDArray[np.float32], points: Float64, places: Float64, here: int, there: int, drive: FullSize
-) -> NDArray[np.float32]:
-    """How much alike frame ``there`` shows places as frame ``here`` shows the points that were copied from them, (N,), 1 at most.
-
-    What is finer there, or less foreshortened along the street, would have no grain here but single pixels picked out of it.
-
-    Args:
-        finer: (N,) how many times finer; points, places: (N, 3).
-    """
-    some = np.flatnonzero(finer > 0)
-    found = np.zeros(len(finer), np.float32)
-    step = places[some] - points[some]
-    step *= STEP_M / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9)
-    lengths = []
-    for j, at in ((there, places[some]), (here, points[some])):
-        first, second = (drive.views.cameras[j].project(end)[0] for end in (at, at + step))
-        lengths.append(np.linalg.norm(second - first, axis=1))
-    along = lengths[0] / np.maximum(lengths[1], 1e-9)
-    less, more = np.minimum(finer[some], along), np.maximum(finer[some], along)
-    found[some] = np.where(more < MOST_FINER, np.minimum(less, 1) / np.maximum(more, 1), 0)
-    return found
 
 
 def _scattered(values: NDArray[np.generic], mask: Mask) -> Float32:

@@ -16,7 +16,6 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.by_stretch import StreetFill
 from unveil_core.inpaint.facade.barriers import complete_barriers, read_barriers
-from unveil_core.inpaint.facade.copies import FacadeCopies
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade, replaced_by
 from unveil_core.inpaint.facade.offsets import share_facing
 from unveil_core.inpaint.stretches import Stretch
@@ -27,7 +26,6 @@ from unveil_core.surfels.surfels import Surfels, concatenate
 __all__ = ["Completed", "complete_upright", "sky_behind"]
 
 COMPLETED = ("walls", "curtains")
-COPIES = ("copies of the right side", "copies of the left side")
 COVERED = 0.5
 """Alpha from which on a pixel shows what was rendered: half of the light comes from it."""
 
@@ -43,7 +41,6 @@ class Completed:
             where something is.
         facing: share of the houses' surfels that face the street, 0 to 1; None where there are no houses.
         displaced: (N,) which of the remaining surfels the walls replace.
-        copies: where the missing parts of houses were copied from.
     """
 
     walls: Surfels | None
@@ -52,7 +49,6 @@ class Completed:
     mended: int
     facing: float | None
     displaced: Mask
-    copies: Sequence[FacadeCopies] = ()
 
 
 def complete_upright(fill: StreetFill, remaining: Surfels) -> Completed:
@@ -65,7 +61,6 @@ def complete_upright(fill: StreetFill, remaining: Surfels) -> Completed:
     found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
     sides, mended = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)
     displaced = np.zeros(len(remaining), dtype=bool)
-    copies = []
     for stretch in fill.stretches:
 
         def make(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
@@ -77,14 +72,13 @@ def complete_upright(fill: StreetFill, remaining: Surfels) -> Completed:
         sides |= arrays["sides"]
         mended |= arrays["mended"]
         displaced[arrays["displaced"]] = True
-        named = {name: _named(arrays, name) for name in (*COMPLETED, *COPIES)}
         for name, parts in found.items():
-            parts += [Surfels.from_arrays(named[name])] if named[name] else []
-        copies += [FacadeCopies(**named[name]) for name in COPIES if named[name]]
+            named = _named(arrays, name)
+            parts += [Surfels.from_arrays(named)] if named else []
     walls, curtains = (concatenate(parts) if parts else None for parts in found.values())
     house = fill.scene.labels.index("building")
     facing = None if house is None else share_facing(remaining.select(remaining.labels == house), fill.ground)
-    return Completed(walls, curtains, int(sides.sum()), int(mended.sum()), facing, displaced, copies)
+    return Completed(walls, curtains, int(sides.sum()), int(mended.sum()), facing, displaced)
 
 
 class _Beside:
@@ -99,10 +93,9 @@ class _Beside:
         self.fill, self.stretch, self.local, self.near = fill, stretch, local, near
         self.found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
         self.displaced = [np.zeros(0, dtype=np.int64)]
-        self.copies: dict[str, NDArray[Any]] = {}
 
     def completed(self) -> dict[str, NDArray[Any]]:
-        """What the stretch owns of that: the arrays of :data:`COMPLETED` and :data:`COPIES` by name; (2,) whether houses stand on
+        """What the stretch owns of that: the arrays of :data:`COMPLETED` by name; (2,) whether houses stand on
         its ``sides``, and which of these are ``mended``; and indices ``displaced``."""
         told = self._houses()
         self._barriers()
@@ -114,7 +107,7 @@ class _Beside:
         }
         sides, mended = np.array(told).T
         displaced = np.concatenate(self.displaced)
-        return {"sides": sides, "mended": mended, "displaced": displaced, **arrays, **self.copies}
+        return {"sides": sides, "mended": mended, "displaced": displaced, **arrays}
 
     def _add(self, name: str, surfels: Surfels | None) -> None:
         """Add what the stretch owns of some surfels to what was found."""
@@ -137,10 +130,10 @@ class _Beside:
         """Complete the facades; returns of each side whether houses stand there, and whether anything of them was missing."""
         house = self.fill.scene.labels.index("building")
         if house is None:
-            return [(False, False)] * len(COPIES)
+            return [(False, False)] * 2
         (walls, those), seen, told = self._of((house,)), self._views((house,)), []
         owned = self._owned(walls)
-        for name, left in zip(COPIES, (False, True), strict=True):
+        for left in (False, True):
             chart = read_facade(self.fill.ground, walls, seen, left=left, along=self.stretch.s_around)
             if chart is None:
                 told.append((False, False))
@@ -150,9 +143,6 @@ class _Beside:
             self.displaced.append(self.near[those[owned & replaced_by(chart, invented.filled, walls)]])
             self._add("walls", invented.walls)
             self._add("curtains", invented.open)
-            copies = invented.copies
-            own = None if copies is None else copies.part(self.stretch.owns(copies.s))
-            self.copies |= {} if own is None else {f"{name}.{key}": array for key, array in vars(own).items()}
         return told
 
     def _barriers(self) -> None:

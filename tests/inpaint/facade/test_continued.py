@@ -150,7 +150,7 @@ def test_a_facade_goes_on_behind_a_car() -> None:
     assert means[:, 2].max() < 2.0
     grey = (found.sh[:, 0, 0].double().numpy() * 0.28209479177387814 + 0.5) * 255
     true = stripes(means[:, 0] - 0.0, means[:, 2])[:, 0]
-    assert np.median(np.abs(grey - true)) < 12
+    assert np.abs(grey - true).mean() < 0.6 * np.abs(170 - true).mean(), "plain wall is much farther off"
     assert read_facade(ground, houses(np.inf), views, left=False) is None
 
 

@@ -26,8 +26,8 @@ from unveil_core.inpaint.facade.facade_chart import (
     surfels_on,
     where_hidden,
 )
-from unveil_core.inpaint.facade.facade_fill import fill_facade
 from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, fanned_out, offsets_along
+from unveil_core.inpaint.facade.wall_fill import fill_wall
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["Barriers", "complete_barriers", "read_barriers"]
@@ -148,7 +148,7 @@ def _filled(chart: FacadeChart, top: NDArray[np.int64]) -> tuple[Float32, Mask]:
         (top > 0)[:, None] & (_sampled(mask.astype(np.float32), column, cv2.INTER_NEAREST) > 0.5)
         for mask in (chart.known & own, chart.unseen & own)
     )
-    fill = fill_facade(upright, seen, asked, texels_per_m=chart.per_m)
+    fill = fill_wall(upright, seen, asked, texel=chart.texel)
     level = (heights + 0.5) / np.maximum(top, 1)[:, None] * LEVELS - 0.5
     filled = _sampled(fill.filled.astype(np.float32), level, cv2.INTER_NEAREST) > 0.5
     return _sampled(fill.color, level, cv2.INTER_LINEAR), chart.unseen & own & filled

@@ -17,9 +17,8 @@ from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow, sample_at
 from unveil_core.ground.street import Ground
-from unveil_core.inpaint.facade.copies import FacadeCopies
-from unveil_core.inpaint.facade.facade_fill import FacadeFill, fill_facade
 from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, facade_offsets, fanned_out
+from unveil_core.inpaint.facade.wall_fill import fill_wall
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -108,13 +107,11 @@ class InventedFacades:
     Attributes:
         walls: surfels of houses, None where none are missing.
         open: surfels in the facade's plane through which the sky is to be seen, None where there are none.
-        copies: what of it was copied from where, None where nothing was.
         filled: (A, B) bool, texels of the chart that the walls fill.
     """
 
     walls: Surfels | None
     open: Surfels | None
-    copies: FacadeCopies | None
     filled: Mask
 
 
@@ -248,11 +245,11 @@ def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> Inven
     """
     stands = np.isfinite(chart.offset)
     wanted = chart.unseen & stands[:, None]
-    fill = fill_facade(chart.color, chart.known, wanted, chart.open, texels_per_m=chart.per_m)
+    fill = fill_wall(chart.color, chart.known, wanted, chart.open, texel=chart.texel)
     walls, opened = (
         surfels_on(chart, fill.color, part, label=label, sh_degree=sh_degree) for part in (fill.filled, fill.opened)
     )
-    return InventedFacades(walls, opened, _copies(chart, fill), fill.filled)
+    return InventedFacades(walls, opened, fill.filled)
 
 
 def replaced_by(chart: FacadeChart, filled: Mask, walls: Surfels) -> Mask:
@@ -271,16 +268,6 @@ def replaced_by(chart: FacadeChart, filled: Mask, walls: Surfels) -> Mask:
         near = np.abs(place[:, 1] - chart.offset[row]) < REPLACED_M
     replaced: Mask = inside & near & filled[row, column]
     return replaced
-
-
-def _copies(chart: FacadeChart, fill: FacadeFill) -> FacadeCopies | None:
-    """What of a facade was copied from where; None for nothing."""
-    source = np.clip(np.arange(len(fill.shift)) + fill.shift, 0, len(fill.shift) - 1)
-    offsets = np.stack([chart.offset, chart.offset[source]], axis=1)
-    stands = np.isfinite(offsets).all(axis=1)
-    rows = np.column_stack([np.nan_to_num(offsets), chart.texel * fill.shift, fill.ratio]).astype(np.float32)
-    place = np.array([chart.s_start, chart.texel])
-    return FacadeCopies(fill.copied & stands[:, None], rows, place).part(stands)
 
 
 def surfels_on(chart: FacadeChart, color: Float32, part: Mask, *, label: int, sh_degree: int) -> Surfels | None:

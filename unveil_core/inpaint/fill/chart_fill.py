@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.fields.kriging import kriged
 from unveil_core.geometry.images import grow, luminance, spread_from
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.chart.street_parts import parts_between_corners
-from unveil_core.inpaint.fill.lateral_lines import lateral_lines
+from unveil_core.inpaint.fill.carried import carried_surface
 from unveil_core.inpaint.fill.texture import texture_for
 from unveil_core.inpaint.light.darkness import in_the_dark, sunny_exceptions
 from unveil_core.inpaint.light.relight import (
@@ -146,11 +145,7 @@ def _carried(chart: StreetChart, sunny: Float32, even: Mask) -> tuple[Float32, F
     """
     ground, fine = np.zeros_like(sunny), np.zeros_like(sunny)
     for part in _streets(chart, even):
-        known, color = even[part], sunny[part]
-        lines = lateral_lines(color, known, chart.texel)
-        carried = kriged(color - lines, known, chart.texel)
-        ground[part] = np.clip(carried.all + lines, 0, 1)
-        fine[part] = np.where(known[..., None], color - lines - carried.broad, 0)
+        ground[part], fine[part] = carried_surface(sunny[part], even[part], chart.texel)
     return ground, fine
 
 

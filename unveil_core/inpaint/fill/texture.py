@@ -9,7 +9,7 @@ from unveil_core.geometry.images import grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import nearest_known
 from unveil_core.inpaint.fill.quilting import quilt
 
-__all__ = ["texture_for"]
+__all__ = ["SHARE", "texture_for"]
 
 SHARE = 0.8
 """Share of the quilted detail that is added, 0 to 1: all of it shows the patches' seams. On five drawn streets 0.8 has 68 % of the

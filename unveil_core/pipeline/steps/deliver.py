@@ -29,7 +29,6 @@ from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.files import read_chart_sources
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, RELIT
-from unveil_core.inpaint.facade.copies import copied_from, read_copies
 from unveil_core.pipeline.stage import StageContext
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
@@ -122,7 +121,6 @@ def _full_size(context: StageContext, drive: Drive) -> FullSize:
         grain,
         ground,
         _shifts(workspace),
-        None if ground is None else copied_from(ground, read_copies(workspace.root / "inpaint/facades.npz")),
     )
 
 

@@ -25,7 +25,6 @@ from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.by_stretch import StreetFill
 from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.facade.copies import save_copies
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
 from unveil_core.inpaint.frames.free_space import FreeSpace
 from unveil_core.inpaint.frames.holes import FrameTask
@@ -65,7 +64,7 @@ facades have 0.27 and 0.49."""
 
 def run(context: StageContext) -> Facts:
     """inpainted/ in canonical colours and inpaint/origins/, where its pixels come from; inpaint/keyframes.json, inpaint/chart.npz,
-    inpaint/facades.npz, masks/shadows; surfels/seeds.ply and surfels/seed_origins.npy; and of full.ply's surfels those that they
+    masks/shadows; surfels/seeds.ply and surfels/seed_origins.npy; and of full.ply's surfels those that they
     replace and those that lost a shadow: surfels/displaced.npy, surfels/relit.npy. Returns where the sun was found, and what was
     assumed."""
     return inpaint_with(context)
@@ -132,7 +131,6 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
     save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
-    save_copies(() if completed is None else completed.copies, context.output("inpaint/facades.npz"))
     save_chart(None if fill is None else fill.sources(), context.output("inpaint/chart.npz"))
     return {"sun": _sun_recorded(sun, given=context.settings.sun is not None), **assumed(tested)}
 

@@ -1,0 +1,56 @@
+"""What nobody saw of a wall, a hedge or a fence: carried over like the ground, with detail of other parts laid on that."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from unveil_core.base.types import Float32, Mask
+from unveil_core.geometry.fields.kriging import kriged
+from unveil_core.inpaint.fill.carried import carried_surface
+from unveil_core.inpaint.fill.quilting import quilt
+from unveil_core.inpaint.fill.texture import SHARE
+
+__all__ = ["WallFill", "fill_wall"]
+
+PATCH_M, SEARCH_M = 1.2, 25.0
+"""Side of a patch of detail, and how far along the street one may come from, metres: a window's width, and some houses."""
+
+
+class WallFill(NamedTuple):
+    """A wall without gaps.
+
+    Attributes:
+        color: (A, B, 3); filled: (A, B) texels that were filled; opened: (A, B) those through which the sky shows.
+    """
+
+    color: Float32
+    filled: Mask
+    opened: Mask
+
+
+def fill_wall(color: Float32, known: Mask, wanted: Mask, sky: Mask | None = None, *, texel: float) -> WallFill:
+    """Fill the ``wanted`` texels of a wall.
+
+    Args:
+        color: (A, B, 3), rows along the street, columns upwards; known: (A, B) texels of the wall that were seen; wanted: (A, B) to
+            fill; sky: (A, B) texels through which the sky was seen.
+        texel: side of a texel, metres.
+    """
+    nothing = np.zeros_like(wanted)
+    if not (wanted.any() and known.any()):
+        return WallFill(color.copy(), nothing, nothing)
+    opened = nothing if sky is None or not sky.any() else wanted & (_share_of(sky, known, texel) > 0.5)
+    filled = wanted & ~opened
+    surface, fine = carried_surface(color, known, texel)
+    # From above: what hides a wall stands at its foot, and what lies over it tells where its windows are.
+    fine, seen, hole = (np.ascontiguousarray(fine[:, ::-1]), *(m[:, ::-1].copy() for m in (known, filled)))
+    detail = quilt(fine, seen, hole, patch=round(PATCH_M / texel), search=round(SEARCH_M / texel))[:, ::-1]
+    made = np.clip(surface + np.float32(SHARE) * detail, 0, 1)
+    return WallFill(np.where(filled[..., None], made, color), filled, opened)
+
+
+def _share_of(sky: Mask, known: Mask, texel: float) -> Float32:
+    """(A, B) how far there is sky, 0 to 1, as it is carried from where sky or wall was seen."""
+    return kriged(sky[..., None].astype(np.float32), sky | known, texel).broad[..., 0]
