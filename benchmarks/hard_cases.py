@@ -19,7 +19,7 @@ sys.path.insert(0, str(HERE.parent))
 if not torch.cuda.is_available():
     os.environ.setdefault("TRITON_INTERPRET", "1")
 
-from sample_scenes.hard_cases.hard_cases import CASES, SIZES, HardCase  # noqa: E402
+from tests.raster.hard_cases import CASES, SIZES, HardCase  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.raster.api import PLANES, render  # noqa: E402
 from unveil_core.surfels.surfels import Surfels  # noqa: E402

@@ -31,8 +31,8 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from sample_scenes.box_worlds import make_box_world  # noqa: E402
-from sample_scenes.long_street import long_street, long_way  # noqa: E402
+from tests.worlds.box_worlds import make_box_world  # noqa: E402
+from tests.worlds.long_street import long_street, long_way  # noqa: E402
 from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 

@@ -3,7 +3,7 @@
     python benchmarks/scale.py --frames 100,300 [--size 480x320] [--quality standard] [--memory 1G] [--cache DIR] [--keep DIR]
                                [--borders]
 
-The drives are one street of boxes (sample_scenes/long_street.py), of which a longer drive sees more: its first frames are those of
+The drives are one street of boxes (tests/worlds/long_street.py), of which a longer drive sees more: its first frames are those of
 the shorter. Each run is a process of its own, without the report's baselines. Results of other sizes and qualities in
 benchmarks/results/scale.json are kept; scale.png draws them. `--borders` runs a drive of several blocks again with blocks of
 another length: frames beside a border of the one run lie between borders in the other, so that what differs is the border.
@@ -27,8 +27,8 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from sample_scenes.box_worlds import make_box_world  # noqa: E402
-from sample_scenes.long_street import long_street, long_way  # noqa: E402
+from tests.worlds.box_worlds import make_box_world  # noqa: E402
+from tests.worlds.long_street import long_street, long_way  # noqa: E402
 from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.base.pictures.decoding import read_image  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402

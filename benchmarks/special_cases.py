@@ -33,8 +33,8 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
 from benchmarks.street_figures import FIGURES, may_be_shown  # noqa: E402
-from sample_scenes.streets.cache import version  # noqa: E402
-from sample_scenes.streets.make_streets import make, seeds_of  # noqa: E402
+from sample_scenes.generators.streets.cache import version  # noqa: E402
+from sample_scenes.generators.streets.make_streets import make, seeds_of  # noqa: E402
 from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine, program_commit  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402

@@ -21,9 +21,9 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from sample_scenes.streets.cameras import shots  # noqa: E402
-from sample_scenes.streets.draw import draw  # noqa: E402
-from sample_scenes.streets.path import Path as Course  # noqa: E402
+from sample_scenes.generators.streets.cameras import shots  # noqa: E402
+from sample_scenes.generators.streets.draw import draw  # noqa: E402
+from sample_scenes.generators.streets.path import Path as Course  # noqa: E402
 from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.base.types import Float64  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402

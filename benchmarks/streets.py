@@ -2,7 +2,7 @@
 
     python benchmarks/streets.py --seeds 0-9 [--cache DIR] [--keep DIR] [--quality standard]
 
-Streets that are missing are rendered first (sample_scenes/streets/make_streets.py, which needs Blender's Python module). Each
+Streets that are missing are rendered first (sample_scenes/generators/streets/make_streets.py, which needs Blender's Python module). Each
 run is a process of its own. Results go to benchmarks/results/streets.json after every seed, where those of other seeds and
 qualities are kept; a plot of all of them (streets.png) lies beside it. So does a sheet (streets.jpg) of the worst frames of the
 worst seeds whose pictures may be looked at: of each, the picture of its latest run on this machine, which lies with the rendered
@@ -33,8 +33,8 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
 from benchmarks.street_figures import BASELINES, FIGURES, Row, may_be_shown, plot, recorded, summarized  # noqa: E402
-from sample_scenes.streets.cache import street_folder, version  # noqa: E402
-from sample_scenes.streets.make_streets import make, seeds_of  # noqa: E402
+from sample_scenes.generators.streets.cache import street_folder, version  # noqa: E402
+from sample_scenes.generators.streets.make_streets import make, seeds_of  # noqa: E402
 from unveil_core.base.files import write_image_atomic, write_json_atomic  # noqa: E402
 from unveil_core.base.pictures.decoding import read_image  # noqa: E402
 from unveil_core.bench.timing import machine, program_commit  # noqa: E402

@@ -21,7 +21,7 @@ from unveil_core.pipeline.graph import STAGES
 
 PAGES = sorted(
     [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "blender_addon" / "README.md"]
-    + [*(ROOT / "docs").glob("*.md"), *(ROOT / "sample_scenes").glob("*/README.md")]
+    + [*(ROOT / "docs").glob("*.md"), *(ROOT / "sample_scenes").rglob("README.md")]
 )
 FOLDERS = ("unveil_core", "blender_addon", "benchmarks", "tests", "docs", "sample_scenes", "LICENSES")
 README_LINES = 150

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from sample_scenes.box_worlds import make_box_world
-from sample_scenes.long_street import long_street, long_way
+from tests.worlds.box_worlds import make_box_world
+from tests.worlds.long_street import long_street, long_way
 from unveil_core.app.cli import main
 from unveil_core.farm.manifest import Batch, Task, plan_batch
 from unveil_core.farm.run import run_batch

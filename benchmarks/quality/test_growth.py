@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sample_scenes.box_worlds import make_box_world
-from sample_scenes.long_street import long_street, long_way
 from tests.pipeline.test_growth import modules_with
+from tests.worlds.box_worlds import make_box_world
+from tests.worlds.long_street import long_street, long_way
 from unveil_core.base.frame_cache import FrameCache, nbytes_of
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground import blocks

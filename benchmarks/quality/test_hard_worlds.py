@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sample_scenes.box_worlds import CAR, TRUCK, Box, Lens, World, straight
 from tests.hard_worlds import BRICK, HOUSES, PLASTER, RED, STONE, WHITE, assert_harmless, facade, outcome, pavement
+from tests.worlds.box_worlds import CAR, TRUCK, Box, Lens, World, straight
 
 
 def test_behind_a_lorry_of_eighteen_metres_the_street_goes_on(tmp_path: Path) -> None:

@@ -175,7 +175,7 @@ def test_means_that_are_told_are_those_of_the_file() -> None:
 
 
 def test_pages_name_the_list_of_seeds_that_were_looked_at() -> None:
-    page = (ROOT / "sample_scenes/streets/README.md").read_text(encoding="utf-8")
+    page = (ROOT / "sample_scenes/generators/streets/README.md").read_text(encoding="utf-8")
     assert (
         "`SEEN` in `benchmarks/street_figures.py`" in " ".join(page.split())
         and f"0 to {UNSEEN_FROM - 1} are for work" in page

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import pytest
 
-from sample_scenes.box_worlds import make_box_world
-from sample_scenes.long_street import long_street, long_way
 from tests.drives.tiny_drive import make_tiny_drive
+from tests.worlds.box_worlds import make_box_world
+from tests.worlds.long_street import long_street, long_way
 from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_batch

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from sample_scenes.box_worlds import Lens, Way, make_box_world
-from sample_scenes.long_street import long_street, long_way
+from tests.worlds.box_worlds import Lens, Way, make_box_world
+from tests.worlds.long_street import long_street, long_way
 from unveil_core.base.errors import UnveilError, WorkspaceError
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground import blocks

@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 
-from sample_scenes.box_worlds import BUILDING, CAR, PERSON, TRUCK, WALL, Box, Lens, World, make_box_world, straight
 from tests.hard_drives import DRAFT
 from tests.hard_worlds import (
     BRICK,
@@ -31,6 +30,7 @@ from tests.hard_worlds import (
     quarter_turn,
     with_stop,
 )
+from tests.worlds.box_worlds import BUILDING, CAR, PERSON, TRUCK, WALL, Box, Lens, World, make_box_world, straight
 from unveil_core.pipeline.run import run
 from unveil_core.workspace.assumptions import recorded_assumptions
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sample_scenes.hard_cases.hard_cases import CASES
+from tests.raster.hard_cases import CASES
 from tests.raster.scenes import GRADIENTS, camera, for_backend, random_surfels
 from tests.raster.test_gradients import LIMIT, compare
 from tests.raster.test_hard_cases import assert_alike
