@@ -1,4 +1,7 @@
-"""Every reader on some hostile files: what it does not take, it refuses in one clear line. ``benchmarks/fuzz.py`` tries more."""
+"""Every reader on some hostile files: what it does not take, it refuses in one clear line.
+
+``benchmarks/robustness/fuzz.py`` tries more.
+"""
 
 from __future__ import annotations
 

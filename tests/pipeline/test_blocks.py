@@ -112,7 +112,7 @@ def error_of(drive: Path, workspace: Workspace) -> np.ndarray:
 
 
 def test_frames_beside_a_border_show_none(drive: Path, cut: Cut) -> None:
-    """How good a run in blocks is compared with one piece, ``benchmarks/scale.py --borders`` measures."""
+    """How good a run in blocks is compared with one piece, ``benchmarks/machine/scale.py --borders`` measures."""
     assert len(cut.workspace.state()["stages"]["reconstruct"]["choices"]["blocks"]) == 2
     error = error_of(drive, cut.workspace)
     assert 10 * np.log10(255**2 / error.mean()) > 18

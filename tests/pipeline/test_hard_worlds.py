@@ -1,6 +1,6 @@
 """Drives through worlds that are not the street of the model: nothing breaks, and charts do no harm there.
 
-The other worlds, which take longer, are in ``benchmarks/quality/``.
+The other worlds, which take longer, are in ``tests/slow/``.
 """
 
 from __future__ import annotations

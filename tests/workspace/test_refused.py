@@ -105,7 +105,7 @@ except WorkspaceError as error:
     not sys.platform.startswith("linux") or not shutil.which("gcc"), reason="preloads a library, made by gcc"
 )
 def test_a_file_system_without_locks_is_told_and_may_be_used_all_the_same(tmp_path: Path) -> None:
-    library, source = tmp_path / "shim.so", ROOT / "benchmarks/fault_kinds/shim.c"
+    library, source = tmp_path / "shim.so", ROOT / "benchmarks/robustness/fault_kinds/shim.c"
     subprocess.run(["gcc", "-shared", "-fPIC", "-o", str(library), str(source), "-ldl"], check=True)
 
     def try_it(**variables: str) -> str:
