@@ -57,6 +57,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check unveil_core tests blender_addon
 	$(BIN)/mypy
+	$(BIN)/python lint/style.py
 	$(BIN)/python requirements/check.py
 	@$(MAKE) --silent build/audit/.installed >/dev/null 2>&1 || true
 	$(BIN)/python requirements/audit.py build/audit/bin/pip-audit
