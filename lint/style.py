@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import ast
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -65,8 +64,8 @@ def operators_elsewhere(root: Path) -> Iterator[str]:
 def main() -> None:
     """Print what breaks a rule, and fail on it."""
     found = [line for rule in (crowded_folders, units_told, operators_elsewhere) for line in rule(ROOT)]
-    raise SystemExit("\n".join(found))
+    raise SystemExit("\n".join(found) or None)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
