@@ -143,7 +143,7 @@ def test_a_folder_that_is_not_for_results_stays_as_it_is(
         assert "empty_splats.ply" in refused(VERBS[verb], made / "work", made, capsys)
         return
     said = refused(VERBS[verb], place_of(place, made), made, capsys)
-    named = {"drive": "is a drive", "in the drive": "lies in the drive", "holds one": "holds the drive"}
+    named = {"drive": "A drive", "in the drive": "Lies in the drive", "holds one": "Holds the drive"}
     assert named.get(place, "") in said
     assert {"root": "the root of a disk", "home": "the home folder"}.get(place, "") in said
 
@@ -184,15 +184,15 @@ def test_another_programs_lock_and_workspace_stay(
         place = tmp_path / f"locked{len(content)}"
         place.mkdir()
         (place / ".lock").write_text(content)
-        assert ".lock: is another program's" in refused(["run", "DRIVE"], place, made, capsys)
+        assert ".lock: Another program's file" in refused(["run", "DRIVE"], place, made, capsys)
         assert (place / ".lock").read_text() == content
     for content in ('{"format": 1, "stages": {"build": {}}}', '{"format": 1, "generator": "x", "stages": {}}', "{}"):
         (tmp_path / "w").mkdir(exist_ok=True)
         (tmp_path / "w/workspace.json").write_text(content)
-        assert "workspace.json: is another program's" in refused(["import", "DRIVE"], tmp_path / "w", made, capsys)
+        assert "workspace.json: Another program's file" in refused(["import", "DRIVE"], tmp_path / "w", made, capsys)
         for verb in (["choose"], ["status"], ["export", "--to", "chan", "-o", str(tmp_path / "x")]):
             assert main([verb[0], str(tmp_path / "w"), *verb[1:]]) == 2
-            assert "is another program's" in capsys.readouterr().err
+            assert "Another program's file" in capsys.readouterr().err
         assert [p.name for p in (tmp_path / "w").iterdir()] == ["workspace.json"]
 
 

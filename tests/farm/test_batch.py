@@ -90,7 +90,7 @@ def test_a_damaged_manifest_is_one_clear_line(planned: Batch, change: dict[str, 
     planned.save()
     path = planned.root / "batch.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
-    with pytest.raises(WorkspaceError, match="is no batch"):
+    with pytest.raises(WorkspaceError, match="Not a batch"):
         read_batch(planned.root)
 
 

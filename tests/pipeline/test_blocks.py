@@ -205,7 +205,7 @@ def test_blocks_made_alone_make_the_stage(tmp_path: Path, monkeypatch: pytest.Mo
         ("reconstruct", 3, ""),
     ):
         given = replace(settings, seed=1)
-        with pytest.raises(UnveilError, match=wrong or "there is no block 3"):
+        with pytest.raises(UnveilError, match=wrong or "Not a block: 3"):
             run_block(parts, stage_named(name), number, given, drive)
 
 

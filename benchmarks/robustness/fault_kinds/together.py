@@ -14,7 +14,7 @@ from benchmarks.robustness.fault_kinds.runs import Ended, Run, Tally, digests, d
 
 UNTIL = ("--until", "segment")
 """What runs that are started together come to: they meet at the start."""
-HOLDER = re.compile(r"is in use by another process, (\d+) on ")
+HOLDER = re.compile(r"In use by another process, (\d+) on ")
 
 
 def together(bench: Bench, count: int, times: int, *, half: bool = False) -> Tally:

@@ -92,7 +92,9 @@ def test_a_tiff_of_gigabytes_is_compared_with_its_camera_first(side: int, place:
     }  # fmt: skip
     drive = make_tiny_drive(tmp_path / "drive", masks=True, semantics=place != "masks")
     (tmp_path / f"drive/{place}/01.png").write_bytes(tiff(tags, data))
-    assert f"is {side}x{side} pixels, its camera says 32x24" in refused("import", drive, "-o", tmp_path / "ws")
+    assert f"Not the size of its camera: {side}x{side} pixels, the camera says 32x24" in refused(
+        "import", drive, "-o", tmp_path / "ws"
+    )
 
 
 @pytest.mark.parametrize("batches", [1, 16])
