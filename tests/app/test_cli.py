@@ -35,7 +35,7 @@ def test_help_and_version_load_nothing_heavy(option: str) -> None:
         (["run", "x", "-o", "y", "--quality", "best"], "invalid choice"),
         (["run", "x", "-o", "y", "--instances", "a"], "not numbers with commas between"),
         (["run", "x", "-o", "y", "--keyframes", ","], "not names or numbers with commas between"),
-        (["run", "x", "-o", "y", "--keyframes", "3", "--order", "independent"], "keyframes are of no use"),
+        (["run", "x", "-o", "y", "--keyframes", "3", "--order", "independent"], "Not used when each frame is filled for itself: keyframes"),
         (["run", "nowhere", "-o", "w"], "nowhere: Not found"),
         (["reconstruct", "nowhere"], "nowhere: Not a workspace"),
         (["evaluate", "nowhere"], "nowhere: Not a workspace"),
@@ -54,7 +54,7 @@ def test_usage_errors_are_one_line_and_exit_2(
 @pytest.mark.parametrize(
     ("option", "name", "said"),
     [
-        ("--inpainter", "lama", "Not an inpainter: lama"),
+        ("--inpainter", "lama", "Not a choice of inpainter: 'lama'"),
         ("--inpainter", "absent.onnx", "absent.onnx: cannot be read"),
         ("--inpainter", "broken.onnx", "broken.onnx: cannot be loaded"),
         ("--inpainter", "reference.onnx", "reference.onnx: takes a reference"),

@@ -76,7 +76,7 @@ def test_fewer_triangles_and_a_place_of_ones_own(
         ([], "no format is named (give one or more with --to"),
         (["--to", "stl"], "Not a format: stl (give one or more with --to: splat-ply, spz"),
         (["--to", "splat-ply"], "Name a folder (give one with -o)"),
-        (["--to", "ply,obj", "-o", "workspace/frames/x"], "frames/x: The workspace's own folder"),
+        (["--to", "ply,obj", "-o", "workspace/frames/x"], "frames/x: Not for results: the workspace's own folder"),
         (
             ["--to", "nerfstudio", "--state", "full", "-o", "x"],
             "Not of this state: nerfstudio shows the empty street only",

@@ -78,7 +78,7 @@ def test_one_format_after_the_other_into_one_folder(
     for file in ("images.txt", "cameras.txt"):
         shutil.copy(out / "colmap/sparse/0" / file, out / "sparse" / file)
     assert main(["export", str(street.root), "--to", "png", "-o", str(out)]) == 2
-    assert "out: A drive" in capsys.readouterr().err
+    assert "out: Not for results: a drive" in capsys.readouterr().err
 
 
 def test_cancelled_halfway_nothing_is_left(street: Street, tmp_path: Path) -> None:

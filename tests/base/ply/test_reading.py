@@ -127,7 +127,7 @@ WRONG = {
     "a list counted in floats": (
         "element vertex 1\nproperty list float int x\n",
         bytes(12),
-        "count that is no whole number",
+        "counts by fractions",
     ),
     "another word": (ONE + "texture a.png\n", bytes(12), "a line that begins with 'texture'"),
     "faces alone": (f"element face 1\n{FACES}", b"\x03" + bytes(12), "it has no vertices"),

@@ -46,7 +46,7 @@ def test_bad_input_is_one_line_and_the_log_a_text(addon, empty) -> None:
     import bpy
 
     empty.unveil.drive = "/nowhere"
-    with pytest.raises(RuntimeError, match="/nowhere: Not found"):
+    with pytest.raises(RuntimeError, match="/nowhere: there is no such drive"):
         bpy.ops.unveil.run()
     assert "unveil: error: /nowhere" in log(addon) and "exit code 2" in log(addon)
     assert addon.module("worker.session").session.last.status == "bad input"
@@ -246,7 +246,9 @@ def test_the_panel_draws_in_every_state(addon, empty) -> None:
     job_state = addon.module("worker.job_state")
     assert "unveil.run" in drawn(panel_run.UNVEIL_PT_work)
     assert "There is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
-    session.last = job_state.JobState(status="failed", error="frames/03.png: Cut short (copy it again from its source)")
+    session.last = job_state.JobState(
+        status="failed", error="frames/03.png: is cut short (copy it again from its source)"
+    )
     try:
         assert "cut short" in " ".join(drawn(panel_run.UNVEIL_PT_work))
     finally:

@@ -213,9 +213,9 @@ def test_points_are_coloured_faces(addon, scene, made: Path) -> None:
 def test_a_folder_that_is_no_workspace_is_one_line(addon, scene, tmp_path: Path) -> None:
     import bpy
 
-    with pytest.raises(RuntimeError, match="Not a workspace"):
+    with pytest.raises(RuntimeError, match="is no workspace"):
         bpy.ops.unveil.load_workspace(directory=str(tmp_path))
-    with pytest.raises(RuntimeError, match="Not found"):
+    with pytest.raises(RuntimeError, match="there is no such drive"):
         bpy.ops.unveil.import_drive(filepath=str(tmp_path / "nowhere.json"))
     assert list(scene.collection.children) == []
 

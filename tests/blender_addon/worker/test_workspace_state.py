@@ -99,6 +99,6 @@ def test_no_workspace_and_a_damaged_one(tmp_path: Path) -> None:
     state = read(tmp_path / "none")
     assert not state.exists and state.problem == "There is no workspace yet" and set(state.stages) == set(STAGES)
     (tmp_path / "workspace.json").write_text('{"stages": ')
-    assert "Damaged" in read(tmp_path).problem
+    assert "is damaged" in read(tmp_path).problem
     (tmp_path / "workspace.json").write_text(json.dumps([1]))
-    assert "Damaged" in read(tmp_path).problem
+    assert "is damaged" in read(tmp_path).problem
