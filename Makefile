@@ -19,7 +19,7 @@ test: $(VENV)/.installed-test .venv-bpy-5.0/.installed .venv-numpy-1/.installed
 
 # Slow checks, with the same kind of assertions as tests have.
 quality: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile benchmarks/quality
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile tests/slow
 
 # The add-on's tests under the two long-term Blenders before 5.0, with which `make test` runs them.
 test-blender: $(VENV)/.installed-test .venv-bpy-4.2/.installed .venv-bpy-4.5/.installed
@@ -57,6 +57,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check unveil_core tests blender_addon
 	$(BIN)/mypy
+	$(BIN)/python lint/style.py
 	$(BIN)/python requirements/check.py
 	@$(MAKE) --silent build/audit/.installed >/dev/null 2>&1 || true
 	$(BIN)/python requirements/audit.py build/audit/bin/pip-audit

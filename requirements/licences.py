@@ -10,7 +10,6 @@ speaks of a package's own code: what a wheel brings along besides is looked for 
 from __future__ import annotations
 
 import re
-import sys
 import tomllib
 from collections.abc import Iterable
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
@@ -161,8 +160,8 @@ def main() -> None:
                 found.append(problem)
             if brought_by(package) and name not in BROUGHT:
                 found.append(f"{name} brings {', '.join(brought_by(package))}")
-    raise SystemExit("\n".join(found))
+    raise SystemExit("\n".join(found) or None)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

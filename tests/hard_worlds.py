@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from sample_scenes.box_worlds import (
+from tests.hard_drives import DRAFT, unchanged_outside
+from tests.worlds.box_worlds import (
     BUILDING,
     ROAD,
     SIDEWALK,
@@ -21,7 +22,6 @@ from sample_scenes.box_worlds import (
     World,
     make_box_world,
 )
-from tests.hard_drives import DRAFT, unchanged_outside
 from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error
 from unveil_core.pipeline.run import run, stage_named

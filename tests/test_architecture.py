@@ -13,8 +13,6 @@ import pytest
 import unveil_core
 from docs.generate import COMMAND, ORDER, PACKAGE, PARTS, ROOT, generated, imports, modules, package_of
 
-MOST_MODULES = 14
-"""In one folder, beside its ``__init__``: more is no longer seen at a glance."""
 BLENDER = {
     "bpy",
     "bpy_extras",
@@ -39,12 +37,6 @@ def test_only_init_and_main_lie_loose() -> None:
 
 def test_each_package_has_its_place_in_the_order() -> None:
     assert {package_of(m) for m in modules()} - {"", "__main__"} == set(ORDER)
-
-
-def test_no_folder_has_too_many_modules() -> None:
-    paths = [p for p in (*modules().values(), *(ROOT / "blender_addon").rglob("*.py")) if p.name != "__init__.py"]
-    counts = {folder: sum(p.parent == folder for p in paths) for folder in {p.parent for p in paths}}
-    assert {str(folder.relative_to(ROOT)): n for folder, n in counts.items() if n > MOST_MODULES} == {}
 
 
 def test_no_import_points_up() -> None:

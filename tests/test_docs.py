@@ -20,11 +20,10 @@ from unveil_core.drives.points import write_points
 from unveil_core.pipeline.graph import STAGES
 
 PAGES = sorted(
-    [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "blender_addon" / "README.md"]
-    + [*(ROOT / "docs").glob("*.md"), *(ROOT / "sample_scenes").glob("*/README.md")]
+    [ROOT / name for name in ("README.md", "CHANGELOG.md", "blender_addon/README.md", "benchmarks/README.md")]
+    + [*(ROOT / "docs").glob("*.md"), *(ROOT / "sample_scenes").rglob("README.md")]
 )
 FOLDERS = ("unveil_core", "blender_addon", "benchmarks", "tests", "docs", "sample_scenes", "LICENSES")
-README_LINES = 150
 
 
 def text_of(page: Path) -> str:
@@ -67,10 +66,6 @@ def name(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
 
-def test_the_readme_is_short() -> None:
-    assert len(text_of(ROOT / "README.md").splitlines()) <= README_LINES
-
-
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page: Path) -> None:
     broken = []
@@ -91,7 +86,7 @@ def test_named_files_are_there(page: Path) -> None:
 
 def test_the_guard_sees_paths() -> None:
     found = {str(path.relative_to(ROOT)) for path in named_paths(ROOT / "docs" / "development.md")}
-    assert {"unveil_core/pipeline/graph.py", "benchmarks/pipeline.py", "docs/generate.py"} <= found
+    assert {"unveil_core/pipeline/graph.py", "blender_addon/choice/box_gizmos.py", "docs/generate.py"} <= found
     assert "unveil_core/inpaint/frames/compose.py" in {
         str(path.relative_to(ROOT)) for path in named_paths(ROOT / "docs" / "method.md")
     }

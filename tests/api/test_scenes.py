@@ -52,9 +52,9 @@ def test_surfels_are_tensors_and_scenes_are_kept(exact: Path) -> None:
     assert "car" in names and (full.surfels.labels == names.index("car")).any()
     camera = space.frames(size="work")[0].camera
     assert (full.render(camera) != empty.render(camera)).any()
-    with pytest.raises(SettingsError, match="no plane is called 'colour'"):
+    with pytest.raises(SettingsError, match="Not a plane: colour"):
         full.render(camera, "colour")
-    with pytest.raises(SettingsError, match="no state is called 'half'"):
+    with pytest.raises(SettingsError, match="Not a state: half"):
         space.scene("half")  # type: ignore[arg-type]
 
 

@@ -35,10 +35,10 @@ def test_help_and_version_load_nothing_heavy(option: str) -> None:
         (["run", "x", "-o", "y", "--quality", "best"], "invalid choice"),
         (["run", "x", "-o", "y", "--instances", "a"], "not numbers with commas between"),
         (["run", "x", "-o", "y", "--keyframes", ","], "not names or numbers with commas between"),
-        (["run", "x", "-o", "y", "--keyframes", "3", "--order", "independent"], "keyframes are of no use"),
-        (["run", "nowhere", "-o", "w"], "nowhere: there is no such drive"),
-        (["reconstruct", "nowhere"], "nowhere: is no workspace"),
-        (["evaluate", "nowhere"], "nowhere: is no workspace"),
+        (["run", "x", "-o", "y", "--keyframes", "3", "--order", "independent"], "Not used when each frame is filled for itself: keyframes"),
+        (["run", "nowhere", "-o", "w"], "nowhere: Not found"),
+        (["reconstruct", "nowhere"], "nowhere: Not a workspace"),
+        (["evaluate", "nowhere"], "nowhere: Not a workspace"),
     ],
 )
 def test_usage_errors_are_one_line_and_exit_2(
@@ -54,12 +54,12 @@ def test_usage_errors_are_one_line_and_exit_2(
 @pytest.mark.parametrize(
     ("option", "name", "said"),
     [
-        ("--inpainter", "lama", "unknown inpainter 'lama'"),
+        ("--inpainter", "lama", "Not a choice of inpainter: 'lama'"),
         ("--inpainter", "absent.onnx", "absent.onnx: cannot be read"),
         ("--inpainter", "broken.onnx", "broken.onnx: cannot be loaded"),
         ("--inpainter", "reference.onnx", "reference.onnx: takes a reference"),
         ("--reference-inpainter", "mean.onnx", "mean.onnx: takes no reference"),
-        ("--reference-inpainter", "telea", "unknown reference inpainter 'telea'"),
+        ("--reference-inpainter", "telea", "Not a reference inpainter: telea"),
     ],
 )
 def test_a_network_that_is_none_is_told_before_anything_is_made(
@@ -109,19 +109,19 @@ def no_points(path: Path) -> None:
     ("change", "extra", "line"),
     [
         (drop_images, [], "none of the 4 photographs is there, the first images/00.png (no pictures lie beside it"),
-        (garble_image, [], "02.png: is not a readable image"),
-        (other_size, [], "00.png: is 32x24 pixels, its camera says 64x24"),
+        (garble_image, [], "02.png: Not a readable image"),
+        (other_size, [], "00.png: Not the size of its camera: 32x24 pixels, the camera says 64x24"),
         (nan_pose, [], "the pose of frame 03 holds NaN or infinity"),
-        (skewed_pose, [], "the pose of frame 00 is no rotation"),
+        (skewed_pose, [], "Not a rotation: the pose of frame 00"),
         (no_frames, [], "has no frames"),
         (no_points, [], "names no points"),
         (None, ["--remove", "person"], "nothing to remove: the drive has no person; found: road, sky, car"),
-        (None, ["--remove", "cars"], "unknown class 'cars'"),
+        (None, ["--remove", "cars"], "Not a class: 'cars'"),
         (None, ["--instances", "9"], "nothing to remove: the drive has no instance 9; found: 300"),
         (
             None,
             ["--keyframes", "1,9"],
-            "there is no frame '9' to be a keyframe (use numbers from 0 to 3, or stems such as 00)",
+            "Not a frame to be a keyframe: '9' (use numbers from 0 to 3, or stems such as 00)",
         ),
         (None, ["--device", "cuda"], "no GPU can be used: "),
     ],
@@ -143,7 +143,7 @@ def test_a_foreign_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFi
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/thesis.txt").write_text("important")
     assert main(["run", str(path), "-o", str(tmp_path / "mine")]) == 2
-    assert "is not empty and no workspace" in capsys.readouterr().err
+    assert "Not empty, and not a workspace" in capsys.readouterr().err
     assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
 
 

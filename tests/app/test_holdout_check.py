@@ -1,4 +1,4 @@
-"""What the check on real footage says when it cannot be. The whole of it runs in ``benchmarks/quality/``."""
+"""What the check on real footage says when it cannot be. The whole of it runs in ``tests/slow/``."""
 
 from __future__ import annotations
 

@@ -168,15 +168,15 @@ def test_cameras_of_a_rig_lie_in_folders_of_their_own(workspace: Path, tmp_path:
     ("arguments", "line"),
     [
         (["--state", "half"], "invalid choice"),
-        (["--planes", "rgb,albedo"], "no plane is called 'albedo' (there are rgb, depth, normal, alpha, semantics)"),
+        (["--planes", "rgb,albedo"], "Not a plane: albedo (use rgb, depth, normal, alpha, semantics)"),
         (["--planes", ","], "no plane is named"),
         (["--beside", "nan"], "nan m beside the path"),
         (["--above=-1e9"], "-1e+09 m above the path (at most 1000 m either way)"),
         (["--path", "nowhere.json"], "nowhere.json: cannot be read"),
         (["--path", "workspace/workspace.json"], "workspace.json: has no cameras"),
-        (["-o", "workspace"], "workspace: is the workspace's own folder (name another one)"),
-        (["-o", "workspace/renders/free"], "is the workspace's own folder"),
-        (["-o", "file"], "file: is a file (name a folder)"),
+        (["-o", "workspace"], "workspace: the workspace's own folder (name another one)"),
+        (["-o", "workspace/renders/free"], "the workspace's own folder"),
+        (["-o", "file"], "file: Not a folder (name a folder)"),
         (["-o", "file/in"], "cannot be written"),
     ],
 )
@@ -205,9 +205,9 @@ def test_a_scene_that_is_not_there_or_damaged(
     command = ["render", str(copy), "-o", str(tmp_path / "out")]
     (copy / "surfels/sky.npz").write_bytes(b"PK rubbish")
     assert main(command) == 2
-    assert "sky.npz: is no readable sky" in capsys.readouterr().err
+    assert "sky.npz: Not a readable sky" in capsys.readouterr().err
     (copy / "surfels/empty.ply").unlink()
     assert main(command) == 2
     error = capsys.readouterr().err
-    assert "empty.ply: there is no empty scene yet (run `unveil reoptimize`)" in error and error.count("\n") == 1
+    assert "empty.ply: Not made yet: the empty scene (run `unveil reoptimize`)" in error and error.count("\n") == 1
     assert not (tmp_path / "out").exists()

@@ -143,7 +143,7 @@ def test_a_folder_that_is_not_for_results_stays_as_it_is(
         assert "empty_splats.ply" in refused(VERBS[verb], made / "work", made, capsys)
         return
     said = refused(VERBS[verb], place_of(place, made), made, capsys)
-    named = {"drive": "is a drive", "in the drive": "lies in the drive", "holds one": "holds the drive"}
+    named = {"drive": "a drive", "in the drive": "it lies in the drive", "holds one": "it holds the drive"}
     assert named.get(place, "") in said
     assert {"root": "the root of a disk", "home": "the home folder"}.get(place, "") in said
 
@@ -184,15 +184,15 @@ def test_another_programs_lock_and_workspace_stay(
         place = tmp_path / f"locked{len(content)}"
         place.mkdir()
         (place / ".lock").write_text(content)
-        assert ".lock: is another program's" in refused(["run", "DRIVE"], place, made, capsys)
+        assert ".lock: Another program's file" in refused(["run", "DRIVE"], place, made, capsys)
         assert (place / ".lock").read_text() == content
     for content in ('{"format": 1, "stages": {"build": {}}}', '{"format": 1, "generator": "x", "stages": {}}', "{}"):
         (tmp_path / "w").mkdir(exist_ok=True)
         (tmp_path / "w/workspace.json").write_text(content)
-        assert "workspace.json: is another program's" in refused(["import", "DRIVE"], tmp_path / "w", made, capsys)
+        assert "workspace.json: Another program's file" in refused(["import", "DRIVE"], tmp_path / "w", made, capsys)
         for verb in (["choose"], ["status"], ["export", "--to", "chan", "-o", str(tmp_path / "x")]):
             assert main([verb[0], str(tmp_path / "w"), *verb[1:]]) == 2
-            assert "is another program's" in capsys.readouterr().err
+            assert "Another program's file" in capsys.readouterr().err
         assert [p.name for p in (tmp_path / "w").iterdir()] == ["workspace.json"]
 
 
@@ -202,7 +202,7 @@ def test_a_template_is_not_written_over_somebodys_file(tmp_path: Path, capsys: p
     script = batch / "batch.slurm.sh"
     script.write_text("mine")
     template = ["batch", "template", str(batch), "--to", "slurm"]
-    assert main(template) == 2 and "batch.slurm.sh: is there already" in capsys.readouterr().err
+    assert main(template) == 2 and "batch.slurm.sh: Not written by Unveil, and so not replaced" in capsys.readouterr().err
     assert script.read_text() == "mine"
     script.unlink()
     assert main(template) == main(template) == 0 and "sbatch" in script.read_text()
@@ -223,7 +223,7 @@ def test_a_batch_of_other_drives_stays_unless_it_is_to_be_replaced(
     before = digest(tmp_path)
     capsys.readouterr()
     assert main([*plan, tuesday]) == 2
-    assert "is the plan of other drives, as " in capsys.readouterr().err and digest(tmp_path) == before
+    assert "Holds the plan of other drives, as " in capsys.readouterr().err and digest(tmp_path) == before
     assert main([*plan, tuesday, monday]) == 0  # more drives are no others
     assert [Path(d.workspace).name for d in read_batch(tmp_path / "b").drives] == ["street_2", "street"]
     assert main([*plan, tuesday, "--replace"]) == 0
@@ -241,5 +241,5 @@ def test_what_was_rendered_or_measured_may_be_again(
     assert main(export) == main(export) == 0
     (tmp_path / "out/chan/comp_v012.nk").write_text("made after the first export")
     capsys.readouterr()
-    assert main(export) == 2 and "chan/comp_v012.nk: is there already, and Unveil" in capsys.readouterr().err
+    assert main(export) == 2 and "chan/comp_v012.nk: Not written by Unveil" in capsys.readouterr().err
     assert (tmp_path / "out/chan/comp_v012.nk").is_file() and (tmp_path / "out/chan/export.json").is_file()

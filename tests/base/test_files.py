@@ -40,7 +40,7 @@ def test_a_json_of_countless_values_is_refused_before_it_is_read(tmp_path: Path,
     """Sixty megabytes of empty lists are 1.6 GB of them."""
     (tmp_path / "a.json").write_text("[" + ",".join([part] * 5_000_000) + "]")
     begun = time.monotonic()
-    with pytest.raises(DriveError, match=r"a\.json: is not valid JSON: it holds [0-9,]+ values"):
+    with pytest.raises(DriveError, match=r"a\.json: Not valid JSON: it holds [0-9,]+ values"):
         read_json(tmp_path / "a.json")
     assert time.monotonic() - begun < 2
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.chart_holes import ChartOf, charts_of, measured, of_hole, row_line, row_of
+from benchmarks.real_drives.chart_holes import ChartOf, charts_of, measured, of_hole, row_line, row_of
 from benchmarks.real_drives.fill_charts import UNSEEN, HoledStreet
 from benchmarks.real_drives.holes import MARGIN_M, MOST_SHARE, footprints_of, hole_sets, seen_well
 from benchmarks.real_drives.paired import clustered

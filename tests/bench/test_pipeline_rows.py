@@ -1,4 +1,4 @@
-"""The benchmark of the pipeline's rows: what it refuses. The rows themselves are in ``benchmarks/quality/``."""
+"""The benchmark of the pipeline's rows: what it refuses. The rows themselves are in ``tests/slow/``."""
 
 from __future__ import annotations
 

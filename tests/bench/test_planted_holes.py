@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.planted_holes import blurred, row_of
+from benchmarks.real_drives.planted_holes import blurred, row_of
 from unveil_core.app.holdout_check import holdout_lines
 
 PSNR = {"ours": 25.0, "render": 24.9, "telea": 21.0, "shift_map": 22.5, "blurred": 30.0}

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.real import comparison_lines, recorded, row_of, table, whole_drive
 from benchmarks.real_drives.measured import Measured, hidden_psnr, means_of
 from benchmarks.real_drives.paired import estimate, paired
 from benchmarks.real_drives.places import Feature, choose_rounds
+from benchmarks.real_drives.real import comparison_lines, recorded, row_of, table, whole_drive
 from benchmarks.real_drives.table import DRIVES, named
 from benchmarks.real_drives.trees import Tree, run_key, run_once, tree_at
 from docs.generate import ROOT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from benchmarks.scale import details, errors, psnr
+from benchmarks.machine.scale import details, errors, psnr
 from tests.evaluate.street_workspace import build_workspace
 from unveil_core.evaluate import run_evaluation
 from unveil_core.evaluate.detail.scores import DETAIL_FIGURES

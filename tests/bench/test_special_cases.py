@@ -15,7 +15,17 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.special_cases import ALL_ON, CASES, FIGURES, RESULTS, change, means, record, stages_from, switched_off
+from benchmarks.streets.special_cases import (
+    ALL_ON,
+    CASES,
+    FIGURES,
+    RESULTS,
+    change,
+    means,
+    record,
+    stages_from,
+    switched_off,
+)
 from docs.generate import ROOT
 from unveil_core.surfels.initialize import surfels_from_points
 

@@ -12,8 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.street_figures import GROUPS, SEEN, UNSEEN_FROM, group_of, may_be_shown, plot, recorded, summarized
-from benchmarks.streets import RESULTS, SHEET_ROWS, picture_file, sheet_rows, write_sheet
+from benchmarks.streets.street_figures import (
+    GROUPS,
+    SEEN,
+    UNSEEN_FROM,
+    group_of,
+    may_be_shown,
+    plot,
+    recorded,
+    summarized,
+)
+from benchmarks.streets.streets import RESULTS, SHEET_ROWS, picture_file, sheet_rows, write_sheet
 from docs.generate import ROOT
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.pictures.decoding import read_image
@@ -175,9 +184,9 @@ def test_means_that_are_told_are_those_of_the_file() -> None:
 
 
 def test_pages_name_the_list_of_seeds_that_were_looked_at() -> None:
-    page = (ROOT / "sample_scenes/streets/README.md").read_text(encoding="utf-8")
+    page = (ROOT / "sample_scenes/generators/streets/README.md").read_text(encoding="utf-8")
     assert (
-        "`SEEN` in `benchmarks/street_figures.py`" in " ".join(page.split())
+        "`SEEN` in `benchmarks/streets/street_figures.py`" in " ".join(page.split())
         and f"0 to {UNSEEN_FROM - 1} are for work" in page
     )
     assert f"{len(SEEN)} of those from {UNSEEN_FROM} on (`SEEN` in" in told_of_streets()

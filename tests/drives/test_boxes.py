@@ -32,7 +32,7 @@ def test_a_box_knows_what_lies_in_it() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"id": 0}, "id 0"),
+        ({"id": 0}, "not an id from 1 to 65535: 0"),
         ({"size": [4.0, 0.0, 1.0]}, "not positive"),
         ({"centre": [1.0, 2.0]}, "three numbers"),
         ({"yaw": float("nan")}, "not finite"),
@@ -48,7 +48,7 @@ def test_lists_are_checked_too() -> None:
     assert read_boxes(None, Path("t.json"), "00") == ()
     with pytest.raises(DriveError, match="two boxes of one id"):
         read_boxes([BOX, BOX], Path("t.json"), "00")
-    with pytest.raises(DriveError, match="no list"):
+    with pytest.raises(DriveError, match="Not a list"):
         read_boxes({"id": 3}, Path("t.json"), "00")
     with pytest.raises(DriveError, match="lacks 'centre'"):
         read_boxes([{"id": 3, "class": "car"}], Path("t.json"), "00")

@@ -193,11 +193,11 @@ def in_viewer(**values: object) -> Callable[[Path], Path]:
         (lambda f: f, "cannot be read: Is a directory"),
         (lambda f: written(f, {"frames": []}), "path.json: has no cameras"),
         (lambda f: written(f, [1, 2]), "path.json: has no cameras"),
-        (lambda f: written(f, {"frames": [3]}), "view 0 is no JSON object"),
-        (in_frame(transform_matrix=None), "the pose of frame 0000 is not a 4x4 matrix"),
+        (lambda f: written(f, {"frames": [3]}), "Not a JSON object: view 0"),
+        (in_frame(transform_matrix=None), "Not a 4x4 matrix: the pose of frame 0000"),
         (in_frame(transform_matrix="north"), "view 0000 is damaged"),
-        (in_frame(transform_matrix=np.diag([2.0, 2, 2, 1]).tolist()), "no rotation"),
-        (in_frame(transform_matrix=np.array(GOOD["transform_matrix"]).T.tolist()), "last row of the pose of view 0000"),
+        (in_frame(transform_matrix=np.diag([2.0, 2, 2, 1]).tolist()), "Not a rotation"),
+        (in_frame(transform_matrix=np.array(GOOD["transform_matrix"]).T.tolist()), "the last row of view 0000"),
         (in_frame(transform_matrix=[[math.nan] * 4] * 3 + [[0, 0, 0, 1]]), "holds NaN"),
         (in_frame(w=100), "view 0000 has half a camera"),
         (in_frame(w=100, h="tall", fl_x=80), "view 0000 is damaged: could not convert"),
@@ -206,11 +206,11 @@ def in_viewer(**values: object) -> Callable[[Path], Path]:
         (in_frame(w=math.inf, h=80, fl_x=80), "view 0000 is damaged: cannot convert float infinity"),
         (in_frame(w=100, h=80, fl_x=-1), "no focal length"),
         (in_frame(transform_matrix=np.eye(4).tolist()), "m away from the drive (poses are camera-to-world"),
-        (in_frame(world_to_camera=[[1]]), "the pose of view 0000 is not a 4x4 matrix"),
+        (in_frame(world_to_camera=[[1]]), "view 0000 needs a 4x4 matrix"),
         (in_frame(world_to_camera=np.eye(4).tolist()), "view 0000 lacks 'fx'"),
-        (in_viewer(camera_type="equirectangular"), "camera_type equirectangular is not known"),
+        (in_viewer(camera_type="equirectangular"), "Not a known camera_type: equirectangular"),
         (in_viewer(fov=180), "field of view of 180 degrees"),
-        (in_viewer(camera_to_world=[1, 2, 3]), "is not a 4x4 matrix"),
+        (in_viewer(camera_to_world=[1, 2, 3]), "Not a 4x4 matrix"),
     ],
 )
 def test_a_damaged_path_is_one_line(make: Callable[[Path], Path], line: str, drive: Drive, tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_a_damaged_path_is_one_line(make: Callable[[Path], Path], line: str, dri
 
 
 def test_text_that_is_no_json(drive: Drive, tmp_path: Path) -> None:
-    for content, says in ((b"{", "is not valid JSON"), (b"\xff\xfe\x00", "is no UTF-8 text")):
+    for content, says in ((b"{", "Not valid JSON"), (b"\xff\xfe\x00", "Not UTF-8 text")):
         (tmp_path / "path.json").write_bytes(content)
         with pytest.raises(DriveError, match=says):
             read_camera_path(tmp_path / "path.json", drive)

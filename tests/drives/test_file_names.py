@@ -56,7 +56,7 @@ def test_a_workspace_whose_names_lead_out_is_one_clear_line(tmp_path: Path, fiel
     document = json.loads(path.read_text())
     document["frames"][0][field] = value
     path.write_text(json.dumps(document))
-    with pytest.raises(DriveError, match="is not an imported drive"):
+    with pytest.raises(DriveError, match="Not an imported drive"):
         read_imported(done.root)
 
 

@@ -83,7 +83,7 @@ def test_a_range_counts_as_in_python(text: str, kept: str) -> None:
 
 @pytest.mark.parametrize("text", ["", "a", "3,", ",3", "1:2,a", "1:2:3:4", "1:b", "::0", "::-1", "1.5", " "])
 def test_what_is_no_range_is_one_line(text: str) -> None:
-    with pytest.raises(SettingsError, match="no range.*A:B:STEP"):
+    with pytest.raises(SettingsError, match="Not a range of frames.*A:B:STEP"):
         frame_range(text)
 
 
@@ -137,7 +137,7 @@ def test_sweeps_are_thinned() -> None:
     assert stamps_of(select_part(whole, DriveOptions())) == [0, 1, 2, 3, 4, 5, 6]
     assert stamps_of(select_part(whole, DriveOptions(sweeps="3"))) == [0, 3, 6]
     for wrong in ("0", "-1", "many", "1.5"):
-        with pytest.raises(SettingsError, match="unknown sweeps.*all, key, or a number"):
+        with pytest.raises(SettingsError, match="Not a choice of sweeps.*all, key, or a number"):
             select_part(whole, DriveOptions(sweeps=wrong))
 
 

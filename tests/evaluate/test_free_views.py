@@ -161,10 +161,10 @@ def no_pose(free: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "kind", "line"),
     [
-        (other_size, WorkspaceError, "05_above.png: is 128x79, its camera 128x80"),
-        (other_mask, WorkspaceError, "05_above.png: is of another size than its picture"),
+        (other_size, WorkspaceError, "05_above.png: Not the size of its camera: 128x79 pixels, the camera says 128x80"),
+        (other_mask, WorkspaceError, "05_above.png: Not the size of its picture"),
         (no_picture, WorkspaceError, "05_above: has no true picture"),
-        (no_pose, DriveError, "transforms.json: the pose of frame 05_beside is not a 4x4 matrix"),
+        (no_pose, DriveError, "transforms.json: Not a 4x4 matrix: the pose of frame 05_beside"),
     ],
 )
 def test_damage_is_one_line(

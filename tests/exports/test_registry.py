@@ -42,7 +42,7 @@ def test_a_missing_library_is_one_line_that_names_the_extra(
     monkeypatch.setitem(sys.modules, "laspy", None)  # as Python finds what is not installed
     assert main(["export", str(street.root), "--to", "las", "-o", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
-    assert "las needs the library laspy, which is not installed (pip install '.[exports]'" in error
+    assert "Not installed: laspy, which las needs (pip install '.[exports]'" in error
     assert error.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
@@ -63,7 +63,7 @@ def test_a_folder_of_something_else_stays(street: Street, tmp_path: Path, capsys
     (tmp_path / "png/mine.txt").write_text("dear")
     assert main(["export", str(street.root), "--to", "splat-ply,png", "-o", str(tmp_path)]) == 2
     error = capsys.readouterr().err
-    assert "png/mine.txt: is there already, and Unveil did not write it (move it, or name another place" in error
+    assert "png/mine.txt: Not written by Unveil, and so not replaced (move it, or name another place" in error
     assert error.count("\n") == 1
     assert [p.name for p in tmp_path.rglob("*")] == ["png", "mine.txt"]
 
@@ -78,7 +78,7 @@ def test_one_format_after_the_other_into_one_folder(
     for file in ("images.txt", "cameras.txt"):
         shutil.copy(out / "colmap/sparse/0" / file, out / "sparse" / file)
     assert main(["export", str(street.root), "--to", "png", "-o", str(out)]) == 2
-    assert "out: is a drive" in capsys.readouterr().err
+    assert "out: Not for results: a drive" in capsys.readouterr().err
 
 
 def test_cancelled_halfway_nothing_is_left(street: Street, tmp_path: Path) -> None:
@@ -99,7 +99,9 @@ def test_a_single_file_may_be_named_and_must_have_its_suffix(
     assert main(["export", str(street.root), "--to", "spz", "-o", str(tmp_path / "a/scene.spz")]) == 0
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["scene.spz", "scene.spz.json"]
     assert main(["export", str(street.root), "--to", "spz", "-o", str(tmp_path / "b/scene.ply")]) == 2
-    assert "scene.ply: is no spz file (name it .spz)" in capsys.readouterr().err and not (tmp_path / "b").exists()
+    assert (
+        "scene.ply: Not the suffix of spz (name it .spz)" in capsys.readouterr().err and not (tmp_path / "b").exists()
+    )
 
 
 def test_the_full_street_has_its_cars(street: Street, tmp_path: Path) -> None:
@@ -115,7 +117,7 @@ def test_a_scene_that_is_not_there_is_told_before_anything_is_written(
     out = tmp_path / "out"
     assert main(["export", str(tmp_path / "workspace"), "--to", "png,spz", "-o", str(out)]) == 2
     error = capsys.readouterr().err
-    assert "empty.ply: there is no empty scene yet (run `unveil reoptimize`)" in error and not out.exists()
+    assert "empty.ply: Not made yet: the empty scene (run `unveil reoptimize`)" in error and not out.exists()
 
 
 def test_each_folder_tells_what_it_is(street: Street) -> None:
@@ -134,7 +136,7 @@ def test_a_damaged_list_of_objects_is_one_line(
     (workspace / "instances.json").write_text(json.dumps(entries))
     assert main(["export", str(workspace), "--to", "objects-json", "-o", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
-    assert "instances.json: is no list of objects" in error and "run `unveil instances` again" in error
+    assert "instances.json: Not a list of objects" in error and "run `unveil instances` again" in error
     assert error.count("\n") == 1 and not (tmp_path / "out").exists()
 
 

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import pytest
 
-from sample_scenes.box_worlds import make_box_world
-from sample_scenes.long_street import long_street, long_way
 from tests.drives.tiny_drive import make_tiny_drive
+from tests.worlds.box_worlds import make_box_world
+from tests.worlds.long_street import long_street, long_way
 from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_batch
@@ -90,7 +90,7 @@ def test_a_damaged_manifest_is_one_clear_line(planned: Batch, change: dict[str, 
     planned.save()
     path = planned.root / "batch.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
-    with pytest.raises(WorkspaceError, match="is no batch"):
+    with pytest.raises(WorkspaceError, match="Not a batch"):
         read_batch(planned.root)
 
 

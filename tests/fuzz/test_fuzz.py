@@ -1,4 +1,7 @@
-"""Every reader on some hostile files: what it does not take, it refuses in one clear line. ``benchmarks/fuzz.py`` tries more."""
+"""Every reader on some hostile files: what it does not take, it refuses in one clear line.
+
+``benchmarks/robustness/fuzz.py`` tries more.
+"""
 
 from __future__ import annotations
 
@@ -125,7 +128,7 @@ def test_names_of_files_are_such_or_refused(name: str) -> None:
     try:
         path = named_path(Path("/nowhere"), name, Path("drive.json"), "file_path")
     except UnveilError as error:
-        assert "drive.json: file_path is no name of a file" in str(error)
+        assert "drive.json: Not the name of a file: file_path" in str(error)
     else:
         assert not path.is_dir() or name in ("/", ".", "..") or path.exists()
 

@@ -231,7 +231,7 @@ def test_a_jpeg_of_a_thousand_bytes_has_no_million_pixels(tmp_path: Path) -> Non
     path.write_bytes(content[: at + 5] + (16_000).to_bytes(2, "big") * 2 + content[at + 9 :])
     header = header_of(path.read_bytes())
     assert header is not None and (header.width, header.height, header.whole) == (16_000, 16_000, False)
-    with pytest.raises(UnveilError, match="is cut short"):
+    with pytest.raises(UnveilError, match="Cut short"):
         read_image(path)
     plain = header_of(content)
     assert plain is not None and plain.whole

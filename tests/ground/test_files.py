@@ -58,17 +58,17 @@ def damaged(**changes: object) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
-        ({"axes": np.eye(3) * 2}, "axes is no rotation"),
+        ({"axes": np.eye(3) * 2}, "not a rotation: axes"),
         ({"axes": None}, "axes"),
         ({"path_nodes": PATH.nodes[:, :1]}, "path_nodes is float64"),
         ({"path_nodes": PATH.nodes * 1e6}, "path_nodes leap"),
         ({"path_nodes": PATH.nodes[:0]}, "path_nodes is float64"),
         ({"path_heading": PATH.heading[:-1]}, "path_heading is float64"),
-        ({"path_step": 0.0}, "path_step is not positive"),
-        ({"path_start": np.nan}, "path_start holds what is no number"),
-        ({"street_height": np.full((5, 5), np.inf)}, "street_height holds what is no number"),
+        ({"path_step": 0.0}, "not above 0: path_step"),
+        ({"path_start": np.nan}, "not finite: path_start"),
+        ({"street_height": np.full((5, 5), np.inf)}, "not finite: street_height"),
         ({"street_limits": np.zeros((2, 3))}, "street_limits is float64"),
-        ({"street_cell": np.array([1.0, -0.1])}, "street_cell is not positive"),
+        ({"street_cell": np.array([1.0, -0.1])}, "not above 0: street_cell"),
         ({"street_height": np.array([["a"]])}, "street_height is <U1"),
     ],
 )
@@ -82,7 +82,7 @@ def test_what_is_no_ground_is_one_clear_line(tmp_path: Path, changes: dict[str, 
 
 def test_nothing_is_unpickled_and_nothing_half_read(tmp_path: Path) -> None:
     path = tmp_path / "ground.npz"
-    with pytest.raises(WorkspaceError, match="is not there"):
+    with pytest.raises(WorkspaceError, match="Not found"):
         read_ground(path)
     np.savez(path, axes=np.array([{"a": 1}], dtype=object))
     with pytest.raises(WorkspaceError, match="no readable ground"):

@@ -309,7 +309,7 @@ def test_what_is_none_is_one_line(line: str, tmp_path: Path) -> None:
 
 
 BAD_SETTINGS = {
-    "classes = [": "is not readable TOML",
+    "classes = [": "Not readable TOML",
     "colours = 3": "has an unknown key 'colours' .keys are kind, output",
     'kind = "boxes"': "kind = 'boxes' is not understood .give one of logits, labels, yolo, maskformer",
     "mean = [1, 2]": "mean = .* is not understood .give three numbers",

@@ -140,7 +140,7 @@ def test_in_a_workspace_ids_are_new(street: Path, tmp_path: Path) -> None:
     [
         ([], "Nothing to outline: neither a click nor a stroke is given"),
         (["--click", "02"], "Not a click: '02'"),
-        (["--click", "77:3,3"], "there is no frame '77'"),
+        (["--click", "77:3,3"], "Not a frame: '77'"),
         (["--click", "02:300,3"], "Not in the picture: 300,3 of frame 02, which has 128x80 pixels"),
         (["--stroke", "02:nowhere.png"], "nowhere.png: Not found"),
         (["--mattes", "nowhere"], "nowhere: Not found"),

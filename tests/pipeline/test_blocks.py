@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from sample_scenes.box_worlds import Lens, Way, make_box_world
-from sample_scenes.long_street import long_street, long_way
+from tests.worlds.box_worlds import Lens, Way, make_box_world
+from tests.worlds.long_street import long_street, long_way
 from unveil_core.base.errors import UnveilError, WorkspaceError
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground import blocks
@@ -112,7 +112,7 @@ def error_of(drive: Path, workspace: Workspace) -> np.ndarray:
 
 
 def test_frames_beside_a_border_show_none(drive: Path, cut: Cut) -> None:
-    """How good a run in blocks is compared with one piece, ``benchmarks/scale.py --borders`` measures."""
+    """How good a run in blocks is compared with one piece, ``benchmarks/machine/scale.py --borders`` measures."""
     assert len(cut.workspace.state()["stages"]["reconstruct"]["choices"]["blocks"]) == 2
     error = error_of(drive, cut.workspace)
     assert 10 * np.log10(255**2 / error.mean()) > 18
@@ -205,7 +205,7 @@ def test_blocks_made_alone_make_the_stage(tmp_path: Path, monkeypatch: pytest.Mo
         ("reconstruct", 3, ""),
     ):
         given = replace(settings, seed=1)
-        with pytest.raises(UnveilError, match=wrong or "there is no block 3"):
+        with pytest.raises(UnveilError, match=wrong or "Not a block: 3"):
             run_block(parts, stage_named(name), number, given, drive)
 
 

@@ -145,12 +145,16 @@ def test_what_is_marked_as_wrong_is_invented_anew(done: Workspace, tmp_path: Pat
     ("entries", "error", "said"),
     [
         ({}, DriveError, "holds no list of corrections"),
-        ([{"camera": "camera", "frame": "03"}], DriveError, "entry 0 is no correction"),
+        ([{"camera": "camera", "frame": "03"}], DriveError, "Not a correction: entry 0"),
         ([{"camera": "camera", "frame": "03", "image": "p.png", "invent": 1}], DriveError, "neither true nor false"),
         ([{"camera": "camera", "frame": "03", "image": "p.png"}] * 2, DriveError, "is corrected twice"),
         ([{"camera": "camera", "frame": "77", "image": "p.png"}], SettingsError, "has no frame 77 of camera camera"),
         ([{"camera": "camera", "frame": "03", "image": "no.png"}], DriveError, "no.png"),
-        ([{"camera": "camera", "frame": "03", "image": "small.png"}], DriveError, "is 8x8, frame 03 is 128x80"),
+        (
+            [{"camera": "camera", "frame": "03", "image": "small.png"}],
+            DriveError,
+            "Not the size of frame 03: 8x8 pixels, the frame has 128x80",
+        ),
         ([{"camera": "camera", "frame": "03", "image": "rgb.png"}], DriveError, "has no transparency"),
     ],
 )

@@ -177,7 +177,7 @@ def test_a_file_that_changes_under_a_stage_spoils_no_result(how: str, tmp_path: 
         if how == "changed and put back":
             drive.write_text("3")
 
-    kind = "was changed or removed while read read it .let it be while a run goes on, and run it again"
+    kind = "Changed or removed while read read it .let it be while a run goes on, and run it again"
     with pytest.raises(UnveilError, match=f"drive: {kind}"):
         go(root, drive, replace(STAGE, run=disturbed))
     assert not (root / "sum.txt").exists() and not list(root.glob(".partial*")) and not parts_of(root, "read").exists()
@@ -265,6 +265,6 @@ def test_a_run_that_meets_another_does_not_remove_what_both_work_in(
 
     monkeypatch.setattr(Workspace, "create", staticmethod(create_and_meet))
     monkeypatch.setattr("unveil_core.pipeline.run.run_stages", met_and_gone)
-    with pytest.raises(InUseError, match="is in use by another process, "):
+    with pytest.raises(InUseError, match="In use by another process, "):
         run(drive, root, RunSettings(remove=("vehicle",)))
     assert json.loads((root / "workspace.json").read_text())["format"] == 1

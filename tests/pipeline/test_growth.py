@@ -1,4 +1,4 @@
-"""Work of pieces of a run against the size of the drive: counted, not timed. A whole run is in ``benchmarks/quality/``."""
+"""Work of pieces of a run against the size of the drive: counted, not timed. A whole run is in ``tests/slow/``."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Drives as they come, not as they should be: each ends in a usable scene, or in one line that names the file and the mend.
 
-The other drives, which take longer, are in ``benchmarks/quality/``.
+The other drives, which take longer, are in ``tests/slow/``.
 """
 
 from __future__ import annotations

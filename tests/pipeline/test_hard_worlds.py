@@ -1,6 +1,6 @@
 """Drives through worlds that are not the street of the model: nothing breaks, and charts do no harm there.
 
-The other worlds, which take longer, are in ``benchmarks/quality/``.
+The other worlds, which take longer, are in ``tests/slow/``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 
-from sample_scenes.box_worlds import BUILDING, CAR, PERSON, TRUCK, WALL, Box, Lens, World, make_box_world, straight
 from tests.hard_drives import DRAFT
 from tests.hard_worlds import (
     BRICK,
@@ -31,6 +30,7 @@ from tests.hard_worlds import (
     quarter_turn,
     with_stop,
 )
+from tests.worlds.box_worlds import BUILDING, CAR, PERSON, TRUCK, WALL, Box, Lens, World, make_box_world, straight
 from unveil_core.pipeline.run import run
 from unveil_core.workspace.assumptions import recorded_assumptions
 

@@ -142,12 +142,12 @@ def test_a_drive_without_labels_can_be_imported_but_not_unveiled(tmp_path: Path)
     ("content", "message"),
     [
         ({"id": 1}, "holds no list"),
-        ([{"id": 0, "centre": [0, 0, 0], "size": [1, 1, 1]}], "id 0 is no number"),
+        ([{"id": 0, "centre": [0, 0, 0], "size": [1, 1, 1]}], "Not an id from 1 to 65535: 0"),
         ([{"id": 3, "centre": [0, 0, 0], "size": [1, 0, 1]}], "not positive"),
         ([{"id": 3, "mattes": "nowhere"}], "nowhere: holds no pictures"),
         ([{"id": 3, "centre": [0, 0, 0]}], "lacks 'size'"),
         ([box(7), box(7)], "id 7 occurs twice"),
-        (["car"], "entry 0 is no object"),
+        (["car"], "Not an object: entry 0"),
     ],
 )
 def test_bad_marks_are_named(content: object, message: str, tmp_path: Path) -> None:

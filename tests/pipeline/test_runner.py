@@ -258,7 +258,7 @@ def test_a_journal_that_this_program_did_not_write_moves_and_removes_nothing(ent
         entry = {"stage": "total", "record": {}, **entry}
     (tmp_path / "w/.journal.json").write_text(json.dumps(entry))
     before = files(tmp_path)
-    with pytest.raises(WorkspaceError, match="is no journal of this program"):
+    with pytest.raises(WorkspaceError, match="Not a journal of this program"):
         go(tmp_path / "w")
     assert files(tmp_path) == before
 
@@ -288,11 +288,11 @@ def test_two_processes_do_not_share_a_workspace(tmp_path: Path) -> None:
 def test_workspaces_do_not_take_over_other_folders(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("important")
-    with pytest.raises(WorkspaceError, match="is not empty and no workspace"):
+    with pytest.raises(WorkspaceError, match="Not empty, and not a workspace"):
         Workspace.create(tmp_path / "mine")
-    with pytest.raises(WorkspaceError, match="is no workspace"):
+    with pytest.raises(WorkspaceError, match="Not a workspace"):
         Workspace.open(tmp_path / "mine")
-    with pytest.raises(WorkspaceError, match="is a file"):
+    with pytest.raises(WorkspaceError, match="Not a folder"):
         Workspace.create(tmp_path / "mine" / "thesis.txt")
 
 

@@ -74,7 +74,7 @@ def test_settings_that_a_stranger_s_workspace_records_are_one_line(recorded: Any
     "entry", ["3", "3:grow", "3:grow=-1", "3:grow=201", "3:grow=9999999999", ":grow=3", "x:grow=3", "3:shadow=off"]
 )
 def test_settings_of_single_objects_are_checked(entry: str) -> None:
-    with pytest.raises(SettingsError, match="unknown setting of an object"):
+    with pytest.raises(SettingsError, match="Not a setting of an object"):
         RunSettings(per_object=(entry,))
     told = RunSettings(per_object=("3:grow=8", "12:shadow=keep", "4:grow=0"))
     assert told.grown_px == {3: 8} and told.shadows_that_stay == {12}

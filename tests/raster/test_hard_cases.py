@@ -10,7 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sample_scenes.hard_cases.hard_cases import CASES, SIZES, HardCase
+from tests.raster.hard_cases import CASES, SIZES, HardCase
 from tests.raster.scenes import GRADIENTS, camera, for_backend, random_surfels, with_gradients
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.api import PLANES, Rendered, render

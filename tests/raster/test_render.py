@@ -211,8 +211,8 @@ def wrong(**changes: object) -> tuple[Surfels, Camera]:
 @pytest.mark.parametrize(
     ("changes", "arguments", "message"),
     [
-        ({}, {"outputs": ("rgb", "colour")}, "unknown plane 'colour'"),
-        ({}, {"backend": "cuda"}, "unknown backend 'cuda'"),
+        ({}, {"outputs": ("rgb", "colour")}, "not a plane: 'colour'"),
+        ({}, {"backend": "cuda"}, "not a backend: 'cuda'"),
         ({}, {"near": 0.0}, "near 0.0 and far 100.0"),
         ({}, {"near": 5.0, "far": 2.0}, "near 5.0 and far 2.0"),
         ({}, {"label_count": 20}, "label_count 20; 1 to 19"),

@@ -145,7 +145,7 @@ def test_strip_chooses_by_itself(finished: Path, tmp_path: Path) -> None:
     assert read_image(tmp_path / "strip.png").shape == (2 * 32 + GAP_PX, 2 * 48 + GAP_PX, 3)
     with pytest.raises(WorkspaceError, match="no frame '0009'"):
         write_strip(finished, tmp_path / "other.png", ["0009"])
-    with pytest.raises(WorkspaceError, match=r"0001\.png: was not made yet"):
+    with pytest.raises(WorkspaceError, match=r"0001\.png: Not made yet"):
         write_strip(finished, tmp_path / "other.png", folders=("nowhere",))
     assert not (tmp_path / "other.png").exists()
 

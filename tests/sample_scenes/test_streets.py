@@ -18,16 +18,16 @@ import cv2
 import numpy as np
 import pytest
 
-from sample_scenes.streets import cache as store
-from sample_scenes.streets.cameras import shots, station_distances
-from sample_scenes.streets.draw import SIZES, draw
-from sample_scenes.streets.exposure import base_gain, encode, gains
-from sample_scenes.streets.footprint import footprint
-from sample_scenes.streets.labels import noisy
-from sample_scenes.streets.path import STEP_M, bend_curvature, corner_curve, swept
-from sample_scenes.streets.plan import KINDS, LabelNoise, Plan
-from sample_scenes.streets.truth import true_picture
-from sample_scenes.streets.visibility import Shown, View, never_seen
+from sample_scenes.generators.streets import cache as store
+from sample_scenes.generators.streets.cameras import shots, station_distances
+from sample_scenes.generators.streets.draw import SIZES, draw
+from sample_scenes.generators.streets.exposure import base_gain, encode, gains
+from sample_scenes.generators.streets.footprint import footprint
+from sample_scenes.generators.streets.labels import noisy
+from sample_scenes.generators.streets.path import STEP_M, bend_curvature, corner_curve, swept
+from sample_scenes.generators.streets.plan import KINDS, LabelNoise, Plan
+from sample_scenes.generators.streets.truth import true_picture
+from sample_scenes.generators.streets.visibility import Shown, View, never_seen
 from tests.blender_addon.run_in_blender import BLENDER, WITH_OTHERS
 from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
@@ -228,7 +228,7 @@ def test_a_street_is_made_once_and_never_by_half(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not BLENDER.is_file(), reason="Blender's Python module is an extra")
 def test_a_rendered_street_is_a_drive_with_its_truth(tmp_path: Path) -> None:
-    script = ROOT / "sample_scenes/streets/make_streets.py"
+    script = ROOT / "sample_scenes/generators/streets/make_streets.py"
     start = f"{WITH_OTHERS}import runpy; sys.argv[0] = {str(script)!r}; sys.path.insert(0, {str(script.parent)!r}); "
     run = "runpy.run_path(sys.argv[0], run_name='__main__')"
     command = [str(BLENDER), "-c", start + run, "--seeds", "2", "--size", "tiny"]

@@ -21,6 +21,7 @@ from unveil_core.base.pictures.decoding import read_image, read_instance_image, 
 from unveil_core.semantics.classes import CITYSCAPES
 
 SCENES = Path(__file__).resolve().parents[2] / "sample_scenes"
+GENERATORS = SCENES / "generators"
 CARS, PEOPLE, STEP = {"parked_street": 9, "country_road": 5}, {"parked_street": 2, "country_road": 1}, (0.8, 2.0)
 FEWEST_ROAD = {"parked_street": 500, "country_road": 150}
 
@@ -143,7 +144,7 @@ def test_the_script_builds_the_scene(scene: str, script: str, everything: int) -
         "import build_street as street; r = street.removable(s); "
         "print(len(r), sum(o['class'] == street.PERSON for o in r), len(s.objects))"
     )
-    out = subprocess.run([str(BLENDER), "-c", code, str(SCENES / scene)], capture_output=True, text=True, timeout=120)
+    out = subprocess.run([str(BLENDER), "-c", code, str(GENERATORS / scene)], capture_output=True, text=True, timeout=120)
     assert out.returncode == 0, out.stderr[-500:]
     objects, people, built = (int(v) for v in out.stdout.split()[-3:])
     assert (objects, people) == (CARS[scene] + PEOPLE[scene], PEOPLE[scene]) and built > everything
@@ -177,7 +178,7 @@ def test_a_place_is_shown_by_the_pixel_that_shows_its_surface() -> None:
 
 
 def _visibility():  # type: ignore[no-untyped-def]
-    path = SCENES / "parked_street/visibility.py"
+    path = GENERATORS / "parked_street/visibility.py"
     spec = importlib.util.spec_from_file_location("visibility", path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -26,8 +26,8 @@ def test_focal_lengths(text: str, wanted: float) -> None:
         ({"frames": "a:b"}, "are no range"),
         ({"camera_height": 0.0}, "Not a value of --camera-height: 0 .*metres"),
         ({"speed": float("nan")}, "Not a value of --speed"),
-        ({"speed": 30.0, "camera_height": 1.5}, "two things tell the scale: --camera-height and --speed"),
-        ({"labels": Path("a"), "segmenter": Path("b.onnx")}, "labels come from a folder and from a network"),
+        ({"speed": 30.0, "camera_height": 1.5}, "Given twice: the scale, by --camera-height and --speed"),
+        ({"labels": Path("a"), "segmenter": Path("b.onnx")}, "Given twice: labels, from a folder and from a network"),
     ],
 )
 def test_what_is_wrong_is_one_line(given: dict[str, Any], line: str) -> None:

@@ -138,6 +138,6 @@ def test_a_folder_that_no_solve_made_is_left_alone(tmp_path: Path) -> None:
     source = write_frames(tmp_path / "frames", list(frames())[:2])
     (tmp_path / "o").mkdir()
     (tmp_path / "o/notes.txt").write_text("mine")
-    with pytest.raises(SettingsError, match="is there already, and no solve wrote it .*--replace"):
+    with pytest.raises(SettingsError, match="Not replaced: no solve wrote it .*--replace"):
         solve([source], tmp_path / "o", SolveSettings())
     assert [p.name for p in (tmp_path / "o").iterdir()] == ["notes.txt"]

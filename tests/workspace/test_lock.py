@@ -95,7 +95,7 @@ def test_nothing_is_committed_where_another_has_the_lock(space: Workspace, tmp_p
         (partial / "out").write_text("new")
         space.root.rename(tmp_path / "moved")
         Workspace.create(space.root)
-        with pytest.raises(WorkspaceError, match="is another folder now"):
+        with pytest.raises(WorkspaceError, match="Another folder took its place"):
             commit(space, "mesh", partial, ["out"], {"status": "done"})
         assert sorted(p.name for p in space.root.iterdir()) == [".lock", "workspace.json"]
         assert (tmp_path / "moved/.partial-mesh/out").read_text() == "new"

@@ -105,7 +105,7 @@ except WorkspaceError as error:
     not sys.platform.startswith("linux") or not shutil.which("gcc"), reason="preloads a library, made by gcc"
 )
 def test_a_file_system_without_locks_is_told_and_may_be_used_all_the_same(tmp_path: Path) -> None:
-    library, source = tmp_path / "shim.so", ROOT / "benchmarks/fault_kinds/shim.c"
+    library, source = tmp_path / "shim.so", ROOT / "benchmarks/robustness/fault_kinds/shim.c"
     subprocess.run(["gcc", "-shared", "-fPIC", "-o", str(library), str(source), "-ldl"], check=True)
 
     def try_it(**variables: str) -> str:
@@ -114,9 +114,7 @@ def test_a_file_system_without_locks_is_told_and_may_be_used_all_the_same(tmp_pa
         return subprocess.run(command, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
 
     said = try_it()
-    assert said.startswith(
-        f"{tmp_path / 'ws'}: is on a file system without locks, so two runs would not be kept apart: "
-    )
+    assert said.startswith(f"{tmp_path / 'ws'}: On a file system without locks, which cannot keep two runs apart: ")
     assert said.endswith("(use a local disk; where no other run can come, set UNVEIL_NO_LOCKS=1)\n")
     assert try_it(UNVEIL_NO_LOCKS="1") == "held\n"
 
@@ -126,7 +124,7 @@ def test_only_a_lock_that_is_taken_is_called_taken(
     number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     space = Workspace.create(tmp_path / "w")
-    with space.lock(), pytest.raises(InUseError, match="is in use by another process"), space.lock():
+    with space.lock(), pytest.raises(InUseError, match="In use by another process"), space.lock():
         pass
 
     def flock(*_: object) -> None:

@@ -125,7 +125,7 @@ def _template(arguments: argparse.Namespace) -> int:
     content = text(fitting(batch, text, left_out.append)).encode()
     if os.path.lexists(path) and name not in batch.files and not arguments.replace:
         mend = "move it, or add --replace to write over it"
-        raise SettingsError("is there already, and Unveil did not write it", path=path, mend=mend)
+        raise SettingsError("Not written by Unveil, and so not replaced", path=path, mend=mend)
     replace(batch, files=tuple({**dict.fromkeys(batch.files), name: None})).save()
     write_atomic(path, lambda stream: stream.write(content))
     for error in left_out:

@@ -41,7 +41,7 @@ def _checked_output(arguments: argparse.Namespace, plot: bool) -> list[str]:
     nothing yet, or an older measurement with its plot."""
     output: Path = arguments.output
     if output.is_dir() or output.suffix == ".png":
-        raise SettingsError("is not a name for a JSON file", path=output, mend="name one with -o, as bench.json")
+        raise SettingsError("Not the name of a JSON file", path=output, mend="name one with -o, as bench.json")
     check_file_place(output, [] if arguments.drive is None else [arguments.drive])
     plots = [output.with_suffix(".png").name] * plot
     if not arguments.replace:

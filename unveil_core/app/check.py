@@ -36,7 +36,7 @@ def run_check(arguments: argparse.Namespace) -> int:
     check_file_place(page, [arguments.drive])
     if page.is_dir() or (page.exists() and not arguments.replace and not _is_page(page)):
         raise SettingsError(
-            "is there already, and Unveil did not write it",
+            "Not written by Unveil, and so not replaced",
             path=page,
             mend="name another file with -o, or add --replace",
         )

@@ -65,16 +65,16 @@ def export_results(
         UnveilError: it cannot be written.
     """
     if state not in STATES:
-        raise SettingsError(f"no state is called {state!r}", mend=f"use {', '.join(STATES)}")
+        raise SettingsError(f"Not a state: {state}", mend=f"use {', '.join(STATES)}")
     if not 0 <= start_frame <= MOST_FRAME:
-        raise SettingsError(f"--start-frame {start_frame} is no number of a frame", mend=f"use 0 to {MOST_FRAME}")
+        raise SettingsError(f"Not the number of a frame: --start-frame {start_frame}", mend=f"use 0 to {MOST_FRAME}")
     if not 0 <= levels <= MOST_LEVELS:
-        raise SettingsError(f"--lods {levels} are no levels of detail", mend=f"use 0 to {MOST_LEVELS}")
+        raise SettingsError(f"Not a number of levels of detail: --lods {levels}", mend=f"use 0 to {MOST_LEVELS}")
     if not SMALLEST_PAGE <= texture_px >> levels <= texture_px <= LARGEST_PAGE:
         mend = (
             f"use {SMALLEST_PAGE} to {LARGEST_PAGE:,}, and fewer --lods for small pages: each level has half the side"
         )
-        raise SettingsError(f"--texture {texture_px} is no side of a page", mend=mend)
+        raise SettingsError(f"Not the side of a page: --texture {texture_px}", mend=mend)
     formats = formats_named(to or _of_suffix(output))
     check_spz(spz_version)
     job = Job(
@@ -99,7 +99,7 @@ def _of_suffix(output: Path | None) -> list[str]:
         return []
     kind = output.suffix.lower().removeprefix(".")
     if kind not in MESHES:
-        raise SettingsError("is no mesh file", path=output, mend=f"use {', '.join(MESHES)}")
+        raise SettingsError("Not a mesh file", path=output, mend=f"use {', '.join(MESHES)}")
     return [kind]
 
 
@@ -110,11 +110,11 @@ def _places(job: Job, formats: Sequence[ExportFormat], output: Path | None) -> l
     path = None
     if output is None:
         if single is None or single.name not in MESHES:
-            raise SettingsError("no folder is named", mend="give one with -o")
+            raise SettingsError("Name a folder", mend="give one with -o")
         path = folder / f"{job.state}_{job.triangles or 'all'}.{single.name}"
     elif single is not None and single.suffix and output.suffix and not output.is_dir():
         if output.suffix.lower() != single.suffix:
-            raise SettingsError(f"is no {single.name} file", path=output, mend=f"name it {single.suffix}")
+            raise SettingsError(f"Not the suffix of {single.name}", path=output, mend=f"name it {single.suffix}")
         path = output
     if path is None:
         assert output is not None
@@ -122,7 +122,7 @@ def _places(job: Job, formats: Sequence[ExportFormat], output: Path | None) -> l
         return [(one, place_of(one, job, output)) for one in formats]
     assert single is not None
     if path.resolve() in {(folder / name).resolve() for name in ("full.ply", "empty.ply", "empty.glb")}:
-        raise SettingsError("is the workspace's own mesh", path=path, mend="name another file")
+        raise SettingsError("The workspace's own mesh lies here", path=path, mend="name another file")
     if path.parent.resolve() != folder.resolve():
         check_file_place(path, drives_of(job.workspace))
     return [(single, path)]

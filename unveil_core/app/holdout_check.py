@@ -83,7 +83,7 @@ def check_footage(
     """
     network = None if lpips is None else LpipsModel(lpips)
     if not 1 <= cars <= MOST_CARS:
-        raise SettingsError(f"{cars} virtual cars are out of range", mend=f"use 1 to {MOST_CARS}")
+        raise SettingsError(f"Out of range: {cars} virtual cars", mend=f"use 1 to {MOST_CARS}")
     source = Path(source)
     if (source / "workspace.json").is_file():
         footage = Workspace.open(source)

@@ -457,5 +457,5 @@ def _names(text: str) -> tuple[str, ...]:
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
-        raise argparse.ArgumentTypeError(f"{text!r} is no size such as 480x320")
+        raise argparse.ArgumentTypeError(f"Not a size such as 480x320: {text}")
     return int(width), int(height)

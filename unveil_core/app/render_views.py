@@ -137,13 +137,13 @@ def check_planes(planes: Sequence[str]) -> None:
     """
     unknown = [p for p in planes if p not in PLANES]
     if unknown or not planes:
-        problem = f"no plane is called {unknown[0]!r}" if unknown else "no plane is named"
-        raise SettingsError(problem, mend=f"there are {', '.join(PLANES)}")
+        problem = f"Not a plane: {unknown[0]}" if unknown else "no plane is named"
+        raise SettingsError(problem, mend=f"use {', '.join(PLANES)}")
 
 
 def _check_settings(state: str, planes: Sequence[str], beside: float, above: float) -> None:
     if state not in STATES:
-        raise SettingsError(f"no state is called {state!r}", mend=f"use {' or '.join(STATES)}")
+        raise SettingsError(f"Not a state: {state}", mend=f"use {' or '.join(STATES)}")
     check_planes(planes)
     for name, shift in (("beside", beside), ("above", above)):
         if not math.isfinite(shift) or abs(shift) > FARTHEST_SHIFT_M:
@@ -157,11 +157,11 @@ def read_scene(workspace: Workspace, state: str) -> tuple[Surfels, Sky]:
         SettingsError: an unknown state. WorkspaceError: there is no such scene yet.
     """
     if state not in STATES:
-        raise SettingsError(f"no state is called {state!r}", mend=f"use {' or '.join(STATES)}")
+        raise SettingsError(f"Not a state: {state}", mend=f"use {' or '.join(STATES)}")
     path = workspace.surfels_full if state == "full" else workspace.surfels_empty
     if not path.is_file():
         verb = "reconstruct" if state == "full" else "reoptimize"
-        raise WorkspaceError(f"there is no {state} scene yet", path=path, mend=f"run `unveil {verb}`")
+        raise WorkspaceError(f"Not made yet: the {state} scene", path=path, mend=f"run `unveil {verb}`")
     return read_surfels(path), load_sky(workspace.root / "surfels/sky.npz")
 
 

@@ -80,7 +80,7 @@ def _evaluate(arguments: argparse.Namespace) -> int:
         return _check_footage(arguments)
     for name in ("cars", "quality", "output"):
         if getattr(arguments, name) is not None:
-            raise SettingsError(f"--{name} is for virtual cars only", mend="add --holdout-masks")
+            raise SettingsError(f"Not used without virtual cars: --{name}", mend="add --holdout-masks")
     from unveil_core.evaluate import run_evaluation
     from unveil_core.workspace.workspace import Workspace
 
@@ -95,7 +95,7 @@ def _check_footage(arguments: argparse.Namespace) -> int:
 
     for name in ("truth", "fid"):
         if getattr(arguments, name) is not None:
-            raise SettingsError(f"--{name} is not used with --holdout-masks", mend="leave one of them out")
+            raise SettingsError(f"Not used with --holdout-masks: --{name}", mend="leave one of them out")
     with reporting_for(arguments) as reporter:
         found = check_footage(
             arguments.workspace,

@@ -64,10 +64,12 @@ class DriveOptions:
         if self.frames is not None:
             frame_numbers(self.frames, 0)
         if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not re.fullmatch(r"0*[1-9]\d{0,8}", self.sweeps, re.ASCII):
-            raise SettingsError(f"unknown sweeps {self.sweeps!r}", mend="use all, key, or a number N for each N-th")
+            raise SettingsError(
+                f"Not a choice of sweeps: {self.sweeps!r}", mend="use all, key, or a number N for each N-th"
+            )
         if self.model is not None and not all(part.strip() for part in self.model.split(",")):
             raise SettingsError(
-                f"unknown model {self.model!r}", mend="use the name of its folder, as 1, or several as 1,2, or all"
+                f"Not a model: {self.model!r}", mend="use the name of its folder, as 1, or several as 1,2, or all"
             )
         for name, given, known in (
             ("label_classes", self.label_classes, LABEL_CLASSES),
@@ -75,7 +77,7 @@ class DriveOptions:
             ("pose_convention", self.pose_convention, POSE_CONVENTIONS),
         ):
             if given is not None and given not in known:
-                raise SettingsError(f"unknown {name} {given!r}", mend=f"use one of {', '.join(known)}")
+                raise SettingsError(f"Not a choice of {name}: {given!r}", mend=f"use one of {', '.join(known)}")
 
 
 def frame_numbers(text: str, count: int) -> list[int]:
@@ -104,7 +106,7 @@ def frame_range(text: str) -> slice:
     step = numbers[2] if len(numbers) == 3 else None
     if len(numbers) > 3 or not text.strip() or (step is not None and step < 1):
         raise SettingsError(
-            f"frames {text!r} are no range", mend="give A:B:STEP as 0:80:2, counted from 0, STEP above 0"
+            f"Not a range of frames: {text!r}", mend="give A:B:STEP as 0:80:2, counted from 0, STEP above 0"
         )
     if len(numbers) == 1:
         assert first is not None

@@ -182,7 +182,7 @@ def read_text(path: Path, mend: str | None = None, *, most: int = LARGEST_TEXT) 
         text = read_bytes(path, most).decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
     except UnicodeDecodeError as error:
-        problem = f"is no UTF-8 text: {error.reason} at byte {error.start}"
+        problem = f"Not UTF-8 text: {error.reason} at byte {error.start}"
         raise DriveError(problem, path=path, mend=mend or "save it as UTF-8") from error
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path, mend=mend) from error
@@ -219,7 +219,7 @@ def read_json(path: Path) -> object:
     try:
         content: object = parsed_json(text)
     except ValueError as error:
-        raise DriveError(f"is not valid JSON: {error}", path=path) from error
+        raise DriveError(f"Not valid JSON: {error}", path=path) from error
     return content
 
 
@@ -275,4 +275,4 @@ def copy_picture(source: Path, destination: Path) -> None:
                 return
     except RefusedFileError as error:
         raise WorkspaceError(f"cannot be copied: {error.strerror}", path=source, mend=MAKE_AGAIN) from error
-    raise WorkspaceError("is no PNG", path=source, mend=MAKE_AGAIN)
+    raise WorkspaceError("Not a PNG", path=source, mend=MAKE_AGAIN)

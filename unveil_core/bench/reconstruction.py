@@ -202,9 +202,9 @@ def bench_reconstruction(
     """
     unknown = [name for name in without if name not in LOSSES]
     if unknown:
-        raise SettingsError(f"no loss is called {unknown[0]!r}", mend=f"use {', '.join(LOSSES)}")
+        raise SettingsError(f"Not a loss: {unknown[0]}", mend=f"use {', '.join(LOSSES)}")
     if variant is not None and variant not in VARIANTS:
-        raise SettingsError(f"no variant is called {variant!r}", mend=f"use {', '.join(VARIANTS)}")
+        raise SettingsError(f"Not a variant: {variant}", mend=f"use {', '.join(VARIANTS)}")
     drive = open_drive(path)
     check_drive(drive)
     drive = localized(drive)

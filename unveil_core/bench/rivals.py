@@ -59,7 +59,7 @@ class Yardstick:
         library = Path(self._built.name) / "libraster.so"
         compiler = program("g++")
         if compiler is None:
-            raise UnveilError("there is no g++", path=folder, mend="install a C++ compiler")
+            raise UnveilError("Not found: g++", path=folder, mend="install a C++ compiler")
         done = subprocess.run(
             [compiler, *FLAGS, str(folder / "raster.cpp"), "-o", str(library)], capture_output=True, text=True
         )

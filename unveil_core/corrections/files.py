@@ -76,7 +76,7 @@ def corrections_of(setting: str | None) -> tuple[Correction, ...]:
 
 def _entry(i: int, entry: Any, path: Path) -> Correction:
     if not isinstance(entry, dict) or not all(isinstance(entry.get(k), str) for k in ("camera", "frame", "image")):
-        raise DriveError(f"entry {i} is no correction", path=path, mend=MEND)
+        raise DriveError(f"Not a correction: entry {i}", path=path, mend=MEND)
     if not isinstance(entry.get("invent", False), bool):
         raise DriveError(f"entry {i}: invent is neither true nor false", path=path, mend=MEND)
     image = named_path(path.parent, entry["image"], path, f"image of entry {i}")
@@ -111,7 +111,7 @@ def _read(path: Path, name: str, width: int, height: int) -> Float32:
     picture: NDArray[np.uint8] | NDArray[np.uint16] = read_image_as_it_is(path)
     if picture.shape[:2] != (height, width):
         raise DriveError(
-            f"is {picture.shape[1]}x{picture.shape[0]}, frame {name} is {width}x{height}",
+            f"Not the size of frame {name}: {picture.shape[1]}x{picture.shape[0]} pixels, the frame has {width}x{height}",
             path=path,
             mend="paint on the delivered frame at its own size",
         )

@@ -85,7 +85,7 @@ def _three(value: object) -> tuple[float, float, float]:
 def _box(entry: Any) -> TrackedBox:
     number, name = entry["id"], str(entry["class"])
     if isinstance(number, bool) or not isinstance(number, int) or not 0 < number < 65536:
-        raise ValueError(f"id {number!r} is no number from 1 to 65535")
+        raise ValueError(f"not an id from 1 to 65535: {number!r}")
     if not name:
         raise ValueError("its class is empty")
     box = TrackedBox(number, name, _three(entry["centre"]), _three(entry["size"]), float(entry.get("yaw", 0.0)))
@@ -108,7 +108,7 @@ def read_boxes(entries: object, path: Path, frame: str) -> tuple[TrackedBox, ...
     if entries is None:
         return ()
     if not isinstance(entries, list):
-        raise DriveError(f"boxes of frame {frame} are no list", path=path, mend=MEND)
+        raise DriveError(f"Not a list: the boxes of frame {frame}", path=path, mend=MEND)
     boxes: list[TrackedBox] = []
     for i, entry in enumerate(entries):
         try:

@@ -71,7 +71,7 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
     views = []
     for i, entry in enumerate(entries):
         if not isinstance(entry, dict):
-            raise DriveError(f"view {i} is no JSON object", path=path)
+            raise DriveError(f"Not a JSON object: view {i}", path=path)
         name = file_name(Path(str(entry.get("file_path", entry.get("name", "")))).stem, f"{i:04d}")
         try:
             if "world_to_camera" in entry:
@@ -149,7 +149,7 @@ def _pose(matrix: object, path: Path, name: str) -> Float64:
         array = array.reshape(4, 4)
     if array.shape == (4, 4) and not np.allclose(array[3], [0, 0, 0, 1], atol=1e-6):
         raise DriveError(
-            f"the last row of the pose of view {name} is not 0 0 0 1", path=path, mend="write matrices by rows"
+            f"Not a pose: the last row of view {name} differs from 0 0 0 1", path=path, mend="write matrices by rows"
         )
     return rigid_inverse(opengl_to_opencv(pose_from_matrix(array, path, name)))
 
@@ -192,7 +192,7 @@ def _frame_camera(entry: dict[str, Any], top: dict[str, Any], path: Path, name: 
 def _viewer_camera(entry: dict[str, Any], top: dict[str, Any], path: Path, name: str, own: Camera) -> Camera:
     kind = str(top.get("camera_type", "perspective")).lower()
     if kind != "perspective":
-        raise DriveError(f"camera_type {kind} is not known", path=path, mend="render it as perspective")
+        raise DriveError(f"Not a known camera_type: {kind}", path=path, mend="render it as perspective")
     pose = _pose(entry.get("camera_to_world"), path, name)
     width, height = (_number(top, {}, n) for n in ("render_width", "render_height"))
     width, height = own.width if width is None else width, own.height if height is None else height
@@ -214,7 +214,7 @@ def _workspace_camera(entry: dict[str, Any], top: dict[str, Any], path: Path, na
         # Only for the check: a camera-to-world of the same rotation.
         turned[:3, :3] = pose[:3, :3].T
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
-        raise DriveError(f"the pose of view {name} is not a 4x4 matrix of numbers", path=path)
+        raise DriveError(f"Not a pose: view {name} needs a 4x4 matrix of numbers", path=path)
     pose_from_matrix(turned, path, name)
     fx, fy, cx, cy = (float(entry[n]) for n in ("fx", "fy", "cx", "cy"))
     camera = Camera(int(entry["width"]), int(entry["height"]), fx, fy, cx, cy, pose)

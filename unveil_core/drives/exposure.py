@@ -121,7 +121,7 @@ def exposures_of_json(data: Any) -> Exposures:
         if not (np.isfinite([exposure.gain, exposure.bias]).all() and exposure.gain.min() > 0):
             raise ValueError(f"the exposure of {camera} {name} is not finite, or its gain not above 0")
     if not isinstance(data["figures"], dict):
-        raise ValueError("figures is no object")
+        raise ValueError("not an object: figures")
     return Exposures(known, data["figures"])
 
 

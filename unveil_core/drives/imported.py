@@ -64,7 +64,7 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
             sources=(path, folder / "points.ply"),
         )
     except (OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
+        raise DriveError(f"Not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
 
 
 def pose_facts(folder: Path) -> dict[str, Any]:
@@ -108,7 +108,7 @@ SUFFIX = re.compile(r"[A-Za-z0-9]{1,5}")
 def _own_name(text: object) -> str:
     """A name that import gives: others would lead out of the workspace's folders."""
     if not is_file_name(text):
-        raise ValueError(f"{str(text)[:40]!r} is no name of a file")
+        raise ValueError(f"not the name of a file: {str(text)[:40]!r}")
     return str(text)
 
 
@@ -119,7 +119,7 @@ def _inside(folder: Path, name: object) -> Path:
     stem, _, suffix = parts[-1].rpartition(".") if parts else ("", "", "")
     last = is_file_name(parts[-1]) or (is_file_name(stem) and SUFFIX.fullmatch(suffix)) if parts else False
     if not last or not all(is_file_name(part) for part in parts[:-1]):
-        raise ValueError(f"{str(name)[:40]!r} is no file in this folder")
+        raise ValueError(f"not a file in this folder: {str(name)[:40]!r}")
     return folder.joinpath(*parts)
 
 
@@ -127,7 +127,7 @@ def _finite(value: object, key: str, most: float) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= most:
-        raise ValueError(f"{key} is no number up to {most:g}")
+        raise ValueError(f"not a number up to {most:g}: {key}")
     return value
 
 

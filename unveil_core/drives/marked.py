@@ -102,13 +102,13 @@ def marked_ids(setting: str | None) -> tuple[int, ...]:
 
 def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
     if not isinstance(entry, dict):
-        raise DriveError(f"entry {i} is no object", path=path, mend=MEND)
+        raise DriveError(f"Not an object: entry {i}", path=path, mend=MEND)
     if "mattes" not in entry:
         (box,) = read_boxes([{"class": "object", **entry}], path, str(i))
         return MarkedObject(box.id, box.class_name, box=box)
     number, folder = entry.get("id"), named_path(path.parent, entry["mattes"], path, f"mattes of entry {i}")
     if isinstance(number, bool) or not isinstance(number, int) or not 0 < number < 65536:
-        raise DriveError(f"entry {i}: id {number!r} is no number from 1 to 65535", path=path, mend=MEND)
+        raise DriveError(f"Not an id from 1 to 65535: {number!r} in entry {i}", path=path, mend=MEND)
     if not files_named(folder):
         raise DriveError("holds no pictures to take as mattes", path=folder, mend="name a folder of PNG files")
     shows, of = (
@@ -122,7 +122,7 @@ def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
 
 def _one_of(value: Any, known: Sequence[str], what: str, path: Path) -> str:
     if value not in known:
-        raise DriveError(f"{what} {value!r} is unknown", path=path, mend=f"use {' or '.join(known)}")
+        raise DriveError(f"Not a known {what}: {value}", path=path, mend=f"use {' or '.join(known)}")
     return str(value)
 
 

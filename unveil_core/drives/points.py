@@ -43,9 +43,7 @@ def read_points(path: Path, told: list[str] | None = None) -> PointCloud:
         DriveError: missing, not a PLY, without x y z, without points that count, or see ``told``.
     """
     if not path.is_file():
-        raise DriveError(
-            "there is no such point file", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points"
-        )
+        raise DriveError("Not found", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points")
     try:
         vertices = read_vertices(path, links=True)
         positions = vertices.columns("xyz", np.float64)
@@ -53,7 +51,7 @@ def read_points(path: Path, told: list[str] | None = None) -> PointCloud:
         classes = vertices.columns(("train_id",), np.uint8)[:, 0] if "train_id" in vertices.names else None
         moving = vertices.table["moving"] != 0 if "moving" in vertices.names else None
     except UNREADABLE as error:
-        problem = f"is not a readable point PLY: {str(error) or type(error).__name__}"
+        problem = f"Not a readable point PLY: {str(error) or type(error).__name__}"
         raise DriveError(problem, path=path, mend="export it again") from error
     if not len(positions):
         raise DriveError("holds no points", path=path, mend="a drive needs LiDAR or SfM points")

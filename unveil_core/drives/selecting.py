@@ -108,7 +108,7 @@ def named_frames(frames: Sequence[Frame], names: Sequence[str], *, use: str = "t
         if not matches:
             known = sorted(places if None in numbers else (n for n in numbers if n is not None))
             raise SettingsError(
-                f"there is no frame {name!r} {use}".rstrip(),
+                f"{f'Not a frame {use}'.rstrip()}: {name!r}",
                 mend=f"use numbers from {known[0]} to {known[-1]}, or stems such as {frames[0].name}",
             )
         found += matches

@@ -117,7 +117,8 @@ def _true_picture(folder: Path, view: View) -> NDArray[np.uint8]:
             picture = read_image(path)
             if picture.shape[:2] != (view.camera.height, view.camera.width):
                 raise WorkspaceError(
-                    f"is {picture.shape[1]}x{picture.shape[0]}, its camera {view.camera.width}x{view.camera.height}",
+                    f"Not the size of its camera: {picture.shape[1]}x{picture.shape[0]} pixels, "
+                    f"the camera says {view.camera.width}x{view.camera.height}",
                     path=path,
                     mend="give w and h of transforms.json as the pictures have them",
                 )
@@ -136,7 +137,7 @@ def _regions(folder: Path, view: View) -> dict[str, Mask]:
         if path.is_file():
             masks[name] = read_label_image(path) > 127
             if masks[name].shape != shape:
-                raise WorkspaceError("is of another size than its picture", path=path, mend="make it as large")
+                raise WorkspaceError("Not the size of its picture", path=path, mend="make it as large")
     regions = {"free_whole": np.ones(shape, dtype=bool)}
     if "removed" in masks:
         regions["free_removed"] = masks["removed"]

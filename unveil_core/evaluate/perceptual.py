@@ -125,7 +125,7 @@ class _Model:
         self._lock = threading.Lock()
         suffix = self.path.suffix.lower()
         if suffix not in (*TORCHSCRIPT_SUFFIXES, ".onnx"):
-            raise self.error(f"is neither TorchScript ({', '.join(TORCHSCRIPT_SUFFIXES)}) nor ONNX (.onnx)")
+            raise self.error(f"Neither TorchScript ({', '.join(TORCHSCRIPT_SUFFIXES)}) nor ONNX (.onnx)")
         check_readable(self.path, wanted)
         if suffix != ".onnx":
             self._refuse_pickles()
@@ -155,13 +155,11 @@ class _Model:
             with open_file(self.path) as file, zipfile.ZipFile(file) as archive:
                 names = [name.partition("/")[2] for name in archive.namelist()]
         except zipfile.BadZipFile as error:
-            raise self.error("is no TorchScript archive: damaged, or a plain pickle, which is never opened") from error
+            raise self.error("Not a TorchScript archive: damaged, or a plain pickle, which is never opened") from error
         if "constants.pkl" not in names or not any(name.startswith("code/") for name in names):
             if "data.pkl" in names:
-                raise self.error(
-                    "is a plain torch.save pickle, which is never opened; export TorchScript or ONNX from it"
-                )
-            raise self.error("is no TorchScript archive")
+                raise self.error("Not opened: a plain torch.save pickle; export TorchScript or ONNX from it")
+            raise self.error("Not a TorchScript archive")
 
 
 def _torchscript(path: Path) -> Run:

@@ -98,7 +98,7 @@ def linear_light() -> LinearLight:
         return LinearLight()
     if find_spec("PyOpenColorIO") is None:
         mend = "pip install '.[exports]' in the folder of Unveil, or unset OCIO for linear Rec. 709"
-        raise SettingsError("OCIO names a configuration, but OpenColorIO is not installed", mend=mend)
+        raise SettingsError("Not installed: OpenColorIO, and OCIO names a configuration", mend=mend)
     import PyOpenColorIO as ocio
 
     try:
@@ -116,7 +116,7 @@ def linear_light() -> LinearLight:
             for name in (source, light)
         ]
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        problem = f"is no configuration of OpenColorIO: {error}"
+        problem = f"Not a configuration of OpenColorIO: {error}"
         raise SettingsError(problem, path=named, mend="mend OCIO, or unset it for linear Rec. 709") from error
     interop = target.getInteropID() if hasattr(target, "getInteropID") else ""
     return LinearLight(named, target.getName(), interop, *processors)

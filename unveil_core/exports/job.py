@@ -113,7 +113,7 @@ class Job:
         path = self.workspace.surfels_full if state == "full" else self.workspace.surfels_empty
         if not path.is_file():
             verb = "reconstruct" if state == "full" else "reoptimize"
-            raise WorkspaceError(f"there is no {state} scene yet", path=path, mend=f"run `unveil {verb}`")
+            raise WorkspaceError(f"Not made yet: the {state} scene", path=path, mend=f"run `unveil {verb}`")
         return read_surfels(path)
 
     @cached_property
@@ -176,7 +176,7 @@ class Job:
                 entry["box"] = None if box is None else Box.from_json(box).to_json()
         except (OSError, ValueError, KeyError, TypeError) as error:
             mend = "run `unveil instances` again"
-            raise WorkspaceError(f"is no list of objects: {error}", path=path, mend=mend) from error
+            raise WorkspaceError(f"Not a list of objects: {error}", path=path, mend=mend) from error
         return list(entries)
 
     @cached_property
@@ -197,7 +197,7 @@ class Job:
         stays = known[~gone]
         if count < len(stays):
             mend = "run `unveil reoptimize` again"
-            raise WorkspaceError("is not made of the full scene", path=self.workspace.surfels_empty, mend=mend)
+            raise WorkspaceError("Not made from the full scene", path=self.workspace.surfels_empty, mend=mend)
         # The empty scene is what stays, then what was added (pipeline.steps.reoptimize).
         return np.concatenate([stays, np.zeros(count - len(stays), dtype=np.int64)])
 
@@ -205,7 +205,7 @@ class Job:
         path = self.workspace.root / name
         found = load_array(path)
         if found.shape != (count,):
-            problem = f"is of {found.shape[0] if found.ndim else 0} surfels, the scene has {count}"
+            problem = f"Not of this scene: {found.shape[0] if found.ndim else 0} surfels, the scene has {count}"
             raise WorkspaceError(problem, path=path, mend="run `unveil run` again")
         return found
 
@@ -217,5 +217,5 @@ class Job:
         """
         path = frame_file(self.workspace.root / "frames", frame)
         if not path.is_file():
-            raise WorkspaceError("there is no clean frame yet", path=path, mend="run `unveil deliver`")
+            raise WorkspaceError("Not made yet: clean frames", path=path, mend="run `unveil deliver`")
         return path

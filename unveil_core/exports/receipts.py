@@ -42,10 +42,10 @@ class Receipts:
         if not os.path.lexists(place):
             return
         if place.is_dir() and not place.is_symlink():
-            raise SettingsError("is a folder", path=place, mend="name a file in it")
+            raise SettingsError("A folder, and a file is to be written here", path=place, mend="name a file in it")
         if not self.replace and (place.is_symlink() or self.known.get(_key(place)) != _stamp(place)):
             raise SettingsError(
-                "is there already, and no export of this workspace made it, or it was changed since",
+                "Not replaced: no export of this workspace made it, or it changed since",
                 path=place,
                 mend="name another place with -o, or add --replace to write over it",
             )

@@ -366,13 +366,13 @@ def formats_named(names: Sequence[str]) -> list[ExportFormat]:
     """
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
-        problem = f"no format is called {unknown[0]!r}" if unknown else "no format is named"
+        problem = f"Not a format: {unknown[0]}" if unknown else "no format is named"
         raise SettingsError(problem, mend=f"give one or more with --to: {', '.join(FORMATS)}")
     formats = [FORMATS[name] for name in dict.fromkeys(names)]
     for one in formats:
         if any(find_spec(module) is None for module in one.modules):
             mend = f"pip install '.[{EXTRA}]' in the folder of Unveil"
-            raise SettingsError(f"{one.name} needs the library {one.library}, which is not installed", mend=mend)
+            raise SettingsError(f"Not installed: {one.library}, which {one.name} needs", mend=mend)
     return formats
 
 
@@ -398,7 +398,7 @@ def export(job: Job, places: Sequence[tuple[ExportFormat, Path]], *, replace: bo
     receipts = read_receipts(job.workspace.root, replace=replace)
     for one, path in places:
         if job.state == "full" and not one.both_states:
-            raise SettingsError(f"{one.name} is of the empty street only", mend="leave --state out")
+            raise SettingsError(f"Not of this state: {one.name} shows the empty street only", mend="leave --state out")
         if not one.suffix:
             check_free(path)
         else:

@@ -88,5 +88,5 @@ def check_free(path: Path) -> None:
         SettingsError: with what is there and the mend.
     """
     if path.is_symlink() or (path.exists() and not path.is_dir()):
-        raise SettingsError("is there already, and no folder", path=path, mend="name another place with -o")
+        raise SettingsError("Not a folder, and so not replaced", path=path, mend="name another place with -o")
     check_replaceable(path, written_in(path, TOLD), mend="move it, or name another place with -o")

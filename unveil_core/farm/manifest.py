@@ -128,7 +128,7 @@ def read_batch(root: Path) -> Batch:
         tasks = tuple(checked(Task, t) for t in data["tasks"])
         names = {drive.name for drive in drives}
         if len({name_key(name) for name in names}) < len(drives) or not all(map(is_file_name, names)):
-            raise ValueError("two drives of one name, or a name that is no file's")
+            raise ValueError("two drives of one name, or a name that no file can have")
         known: set[str] = set()
         for task in tasks:
             named = re.fullmatch(r"[\w.-]+", task.id) and len(task.id.encode()) <= LONGEST_ID_BYTES
@@ -137,7 +137,7 @@ def read_batch(root: Path) -> Batch:
                 raise ValueError(f"task {task.id!r}")
             known.add(task.id)
     except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise WorkspaceError(f"is no batch: {error}", path=path, mend="run `unveil batch plan`") from error
+        raise WorkspaceError(f"Not a batch: {error}", path=path, mend="run `unveil batch plan`") from error
     return Batch(root, drives, tasks, tuple(files))
 
 
@@ -195,7 +195,7 @@ def _batch_before(root: Path, drives: Sequence[Path], replace: bool) -> Batch | 
         # What a batch keeps there would lie among somebody's files.
         taken = next((root / name for name in ("drives", "tasks") if os.path.lexists(root / name)), None)
         if taken is not None:
-            raise SettingsError("is there already, and is not of a batch", path=taken, mend=mend)
+            raise SettingsError("Not of a batch, and so not replaced", path=taken, mend=mend)
         return None
     try:
         before = read_batch(root)
@@ -203,12 +203,12 @@ def _batch_before(root: Path, drives: Sequence[Path], replace: bool) -> Batch | 
         if replace and path.is_file() and not path.is_symlink():
             return None
         raise SettingsError(
-            "is there already, and is not a batch", path=path, mend=f"{mend}, or add --replace to write over it"
+            "Not a batch, and so not replaced", path=path, mend=f"{mend}, or add --replace to write over it"
         ) from error
     known, wanted = ({_absolute(Path(d.drive)) for d in before.drives}, {_absolute(p) for p in drives})
     if not replace and (lost := sorted(known - wanted)):
         raise SettingsError(
-            f"is the plan of other drives, as {lost[0]}", path=path, mend=f"{mend}, or add --replace to plan anew"
+            f"Holds the plan of other drives, as {lost[0]}", path=path, mend=f"{mend}, or add --replace to plan anew"
         )
     return before
 

@@ -68,7 +68,7 @@ def _as_text(argument: str, drive: str) -> None:
         argument.encode()
     except UnicodeEncodeError:
         raise SettingsError(
-            f"{drive}: {argument!r} is not UTF-8, which a template cannot name",
+            f"{drive}: not UTF-8, so no template can name it: {argument!r}",
             mend="rename the folder or file and plan again, or use `unveil batch run`",
         ) from None
 

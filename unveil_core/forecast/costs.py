@@ -1,7 +1,7 @@
 """What each stage costs, and what memory and disk a run takes, by the size of the work.
 
-Each is a sum of a few sizes with weights from ``costs.json``, which ``benchmarks/forecast.py`` fits to whole runs. Times are of the
-machine that these were run on; ``forecast.machine`` says what they are here.
+Each is a sum of a few sizes with weights from ``costs.json``, which ``benchmarks/machine/forecast.py`` fits to whole runs.
+Times are of the machine that ran these; ``forecast.machine`` says what they are here.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Similarity:
         if not self.scale > 0:
             raise ValueError(f"a scale is positive, not {self.scale:g}")
         if nearest_rotation(rotation)[1] > 1e-6:
-            raise ValueError("a similarity's rotation is no rotation")
+            raise ValueError("not a rotation: that of a similarity")
         for name, value in (("scale", float(self.scale)), ("rotation", rotation), ("translation", translation)):
             object.__setattr__(self, name, value)
 

@@ -68,12 +68,12 @@ def read_ground(path: Path) -> DriveGround:
         WorkspaceError: it is not there, cannot be read, or holds what is no ground.
     """
     if not path.is_file():
-        raise WorkspaceError("is not there", path=path, mend="run `unveil ground`")
+        raise WorkspaceError("Not found", path=path, mend="run `unveil ground`")
     try:
         with open_npz(path, most_bytes=LARGEST_BYTES) as data:
             return _ground({name: data[name] for name in data.files})
     except NO_ARCHIVE as error:
-        raise WorkspaceError(f"is no readable ground: {error}", path=path, mend=MEND) from error
+        raise WorkspaceError(f"Not a readable ground: {error}", path=path, mend=MEND) from error
 
 
 def _ground(arrays: dict[str, Float64]) -> DriveGround:
@@ -86,20 +86,20 @@ def _ground(arrays: dict[str, Float64]) -> DriveGround:
             n == wanted or (wanted is None and n > 0) for n, wanted in zip(found.shape, shape, strict=False)
         )
         if found.dtype != np.float64 or not fits:
-            raise ValueError(f"{name} is {found.dtype} {found.shape}")
+            raise ValueError(f"{name} holds {found.dtype} {found.shape}")
         if not (gaps or np.isfinite(found).all()) or np.isinf(found).any():
-            raise ValueError(f"{name} holds what is no number")
+            raise ValueError(f"not finite: {name}")
         return found
 
     def size(name: str, *shape: int) -> Float64:
         found = array(name, *shape)
         if not (found > 0).all():
-            raise ValueError(f"{name} is not positive")
+            raise ValueError(f"not above 0: {name}")
         return found
 
     axes = array("axes", 3, 3)
     if np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6 or np.linalg.det(axes) < 0:
-        raise ValueError("axes is no rotation")
+        raise ValueError("not a rotation: axes")
     nodes, step = array("path_nodes", None, 2), float(size("path_step"))
     if (np.linalg.norm(np.diff(nodes, axis=0), axis=1) > 2 * step).any():
         raise ValueError("path_nodes leap")

@@ -133,7 +133,7 @@ def load_segmenter(path: Path, *, threads: int | None = None) -> Segmenter:
     found = _reading(answers, given, settings.kind, count)
     if found is None:
         shapes = ", ".join(f"{name!r} {tuple(a.shape)} {a.dtype}" for name, a in answers.items()) or "nothing"
-        hint = "" if settings.kind is None else f", which is no {settings.kind} (kind in {settings.path.name})"
+        hint = "" if settings.kind is None else f", not {settings.kind} (kind in {settings.path.name})"
         if any(a.ndim == 3 for a in answers.values()) and not any(a.ndim == 4 for a in answers.values()):
             hint += ": boxes without masks? Export a model that segments"
         raise network.error(f"gives {shapes} for an image of {given[0]}x{given[1]}{hint}")
@@ -237,7 +237,7 @@ def _targets(network: PictureNetwork, count: int) -> tuple[NDArray[np.uint8], st
         elif names is not None and name in names:
             number = names.index(name)
         else:
-            problem = f"[map] names {name!r}, which is no class of {network.path.name}"
+            problem = f"Not a class of {network.path.name}: {name!r} in [map]"
             raise SettingsError(problem, path=settings.path, mend="use its names, or numbers from 0 in quotes")
         targets[number] = train_id(city)
     if not removable(targets).any():

@@ -40,7 +40,7 @@ BESIDE = 0.03
 """How far outside of its points' outline an object may reach, a share of its size."""
 DEEP = 0.12
 """What lies so far inside of the outline of an object's points, a share of its size, is its own. With 0.06 and 0.18 outlines of the
-sample scenes are worse (``benchmarks/clicks.py``)."""
+sample scenes are worse (``benchmarks/input/clicks.py``)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,9 +108,11 @@ def read_ply(path: Path, to_world: Similarity | None = None) -> Mesh:
             raise ValueError("a vertex is not finite")
         index = triangles["index"]
         if len(index) and not 0 <= index.min() <= index.max() < len(rows):
-            raise ValueError("a triangle names a vertex that is not there")
+            raise ValueError("a triangle names a missing vertex")
     except (ValueError, LookupError) as error:
-        raise WorkspaceError(f"is not a mesh of ours: {error}", path=path, mend="run `unveil mesh` again") from error
+        raise WorkspaceError(
+            f"Not a mesh that Unveil wrote: {error}", path=path, mend="run `unveil mesh` again"
+        ) from error
     local = (to_world or Similarity()).to_local(rows["position"]).astype(np.float32)
     return Mesh(local, triangles["index"].copy(), rows["color"].copy())
 

@@ -43,16 +43,16 @@ def check_place(output: Path, drives: Iterable[Path] = ()) -> None:
     """
     target, drives = _resolved(output), list(drives)
     if target.parent == target or _holds_home(target):
-        what = "is the root of a disk" if target.parent == target else "is or holds the home folder"
+        what = "Not for results: the root of a disk" if target.parent == target else "Not for results: the home folder, or one that holds it"
         raise SettingsError(what, path=output, mend="name a folder of its own with -o")
     if output.is_symlink() and not output.exists():
-        raise SettingsError("is a link to nothing", path=output, mend="remove the link, or name another folder with -o")
+        raise SettingsError("Not for results: a link to nothing", path=output, mend="remove the link, or name another folder with -o")
     _check_not_within(target, output, drives)
     for drive in map(_folder_of, drives):
         if drive.is_relative_to(target):
-            raise SettingsError(f"holds the drive {drive}", path=output, mend=MEND)
+            raise SettingsError(f"Not for results: it holds the drive {drive}", path=output, mend=MEND)
     if target.is_dir() and not is_workspace(target) and (found := _drive_in(target)) is not None:
-        raise SettingsError(f"holds the drive {found}", path=output, mend=MEND)
+        raise SettingsError(f"Not for results: it holds the drive {found}", path=output, mend=MEND)
 
 
 def check_folder_place(output: Path, drives: Iterable[Path] = ()) -> None:
@@ -62,10 +62,10 @@ def check_folder_place(output: Path, drives: Iterable[Path] = ()) -> None:
         SettingsError: see :func:`check_place`; or it is a file, a workspace, or a folder that stages write.
     """
     if output.exists() and not output.is_dir():
-        raise SettingsError("is a file", path=output, mend="name a folder")
+        raise SettingsError("Not a folder", path=output, mend="name a folder")
     target = _resolved(output)
     if is_workspace(target):
-        raise SettingsError("is the workspace's own folder", path=output, mend="name another one")
+        raise SettingsError("Not for results: the workspace's own folder", path=output, mend="name another one")
     _check_not_of_stages(target, output)
     check_place(output, drives)
 
@@ -90,14 +90,14 @@ def drives_of(workspace: Workspace) -> list[Path]:
 def _check_not_of_stages(target: Path, output: Path) -> None:
     for root in (p for p in target.parents if is_workspace(p)):
         if target.relative_to(root).parts[0] in OF_STAGES:
-            raise SettingsError("is the workspace's own folder", path=output, mend="name another one")
+            raise SettingsError("Not for results: the workspace's own folder", path=output, mend="name another one")
 
 
 def _check_not_within(target: Path, output: Path, drives: Iterable[Path]) -> None:
     named = {folder for folder in map(_folder_of, drives) if folder.parent != folder}
     for folder in (target, *target.parents):
         if folder in named or _is_drive(folder):
-            what = "is a drive" if folder == target and output.name else f"lies in the drive {folder}"
+            what = "Not for results: a drive" if folder == target and output.name else f"Not for results: it lies in the drive {folder}"
             raise SettingsError(what, path=output, mend=MEND)
 
 

@@ -214,7 +214,7 @@ def run_block(
         WorkspaceError: what the stage reads is missing; another run has the workspace.
     """
     if stage.run_block is None:
-        raise SettingsError(f"{stage.name} is not made in blocks", mend=f"run `unveil {stage.name}`")
+        raise SettingsError(f"Not made in blocks: {stage.name}", mend=f"run `unveil {stage.name}`")
     stop = _Stop()
     check_device(settings.device)
     with _room_on(workspace.root), _signals(stop):
@@ -228,7 +228,7 @@ def run_block(
                 return False
             count = len(cut_into_blocks(read_imported(workspace.drive_dir, points=False)).blocks)
             if not 0 <= number < count:
-                raise SettingsError(f"there is no block {number}", mend=f"use 0 to {count - 1}")
+                raise SettingsError(f"Not a block: {number}", mend=f"use 0 to {count - 1}")
             partial = open_partial(workspace, stage.name, wanted)
         with workspace.lock(shared=True):
             attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
@@ -283,7 +283,7 @@ def _change_of(stage: Stage, workspace: Workspace, digests: Digests) -> UnveilEr
         return None
     kind = WorkspaceError if changed.is_relative_to(workspace.root) else DriveError
     return kind(
-        f"was changed or removed while {stage.name} read it",
+        f"Changed or removed while {stage.name} read it",
         path=changed,
         mend="let it be while a run goes on, and run it again: finished stages stay",
     )

@@ -141,12 +141,14 @@ class RunSettings:
 
     def __post_init__(self) -> None:
         if self.reference_inpainter is not None and not is_file(self.reference_inpainter):
-            raise SettingsError(f"unknown reference inpainter {self.reference_inpainter!r}", mend="give FILE.onnx")
+            raise SettingsError(f"Not a reference inpainter: {self.reference_inpainter}", mend="give FILE.onnx")
         if self.segmenter is not None and not is_file(self.segmenter):
-            raise SettingsError(f"unknown segmenter {self.segmenter!r}", mend="give FILE.onnx")
+            raise SettingsError(f"Not a segmenter: {self.segmenter}", mend="give FILE.onnx")
         _ = self.drive_options  # which are checked where they are made
         if self.labels is not None and self.segmenter is not None:
-            raise SettingsError("labels come from a folder and from a network", mend="give --labels or --segmenter")
+            raise SettingsError(
+                "Given twice: labels, from a folder and from a network", mend="give --labels or --segmenter"
+            )
         for name in ("marked", "corrections", "labels", "instance_maps"):
             if (given := getattr(self, name)) is not None:
                 object.__setattr__(self, name, str(Path(given).expanduser().absolute()))
@@ -162,51 +164,53 @@ class RunSettings:
             ("up", self.up, (None, *UPS)),
         ):
             if value not in known:
-                raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(k for k in known if k)}")
+                raise SettingsError(
+                    f"Not a choice of {name}: {value!r}", mend=f"use one of {', '.join(k for k in known if k)}"
+                )
         if self.shadows not in ("auto", "off") and self.sun is None:
             raise SettingsError(
-                f"unknown shadows {self.shadows!r}",
+                f"Not a choice of shadows: {self.shadows}",
                 mend="use auto, off, or the sun's azimuth and elevation in degrees, as 135,40",
             )
         if self.keyframes and self.order == "independent":
             raise SettingsError(
-                "keyframes are of no use when each frame is filled for itself",
+                "Not used when each frame is filled for itself: keyframes",
                 mend="leave them out, or use another order",
             )
         if self.scale is not None and not 1e-6 <= self.scale <= 1e6:
             raise SettingsError(
-                f"scale {self.scale:g} is out of range", mend="give the units in a metre, 0.000001 to 1,000,000"
+                f"Out of range: scale {self.scale:g}", mend="give the units in a metre, 0.000001 to 1,000,000"
             )
         if self.camera_height is not None and not HEIGHTS_M[0] <= self.camera_height <= HEIGHTS_M[1]:
-            problem = f"camera_height {self.camera_height:g} is out of range"
+            problem = f"Out of range: camera_height {self.camera_height:g}"
             raise SettingsError(problem, mend=f"give metres above the ground, {HEIGHTS_M[0]} to {HEIGHTS_M[1]:g}")
         if self.camera_height is not None and self.scale is not None:
-            raise SettingsError("the scale is given twice", mend="give --scale or --camera-height")
+            raise SettingsError("Given twice: the scale", mend="give --scale or --camera-height")
         if (bytes_of(self.memory) or 0) < LEAST_MEMORY:
             raise SettingsError(
-                f"memory {self.memory!r} is too little, or no size", mend="use 64M or more, as 512M or 4G"
+                f"Not a size, or too little: memory {self.memory}", mend="use 64M or more, as 512M or 4G"
             )
         if self.work_side is not None and self.work_side < 32:
-            raise SettingsError(f"work_side {self.work_side} is too small", mend="at least 32 pixels")
+            raise SettingsError(f"Out of range: work_side {self.work_side}", mend="at least 32 pixels")
         for name, given, low, high in (
             ("iterations", self.iterations, 20, 1_000_000),
             ("sh_degree", self.sh_degree, 0, 3),
             ("splats", self.splats, 100, 20_000_000),
         ):
             if given is not None and not low <= given <= high:
-                raise SettingsError(f"{name} {given} is out of range", mend=f"use {low:,} to {high:,}")
+                raise SettingsError(f"Out of range: {name} {given}", mend=f"use {low:,} to {high:,}")
         for entry in self.per_object:
             number, key, told = _object_setting(entry)
             grows = key == "grow" and told.isdigit() and int(told[:9]) <= MOST_GROWN_PX
             if not number.isdigit() or len(number) > 9 or not (grows or (key, told) == ("shadow", "keep")):
                 raise SettingsError(
-                    f"unknown setting of an object {entry!r}",
+                    f"Not a setting of an object: {entry}",
                     mend=f"use ID:grow=PIXELS, up to {MOST_GROWN_PX}, or ID:shadow=keep",
                 )
         if self.seed < 0:
-            raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
+            raise SettingsError(f"Out of range: seed {self.seed}", mend="use 0 or more")
         if self.seed >= 1 << 63:
-            raise SettingsError(f"seed {self.seed} is too large", mend="use less than 2^63")
+            raise SettingsError(f"Out of range: seed {self.seed}", mend="use less than 2^63")
 
     @property
     def grown_px(self) -> dict[int, int]:

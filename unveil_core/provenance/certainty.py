@@ -38,8 +38,8 @@ MODELS: dict[int, tuple[float, ...]] = {
     CONTINUED: (4.831, 0.084, 0.318, 0.885, 0.926, 0.153, 0.001, 0.493, 0.025, 0.0, 0.415, 0.0),
     INVENTED: (4.77, 0.12, 0.148, 0.302, 1.319, 0.244, 0.015, 2.248, 0.375, 0.0, 0.0, 0.0),
 }
-"""For each origin the constant, and the weights in the order of ``doubts.DOUBTS``: fitted by ``benchmarks/certainty.py`` on 19
-drawn streets, copied from ``benchmarks/results/certainty.json``."""
+"""For each origin the constant, and the weights in the order of ``doubts.DOUBTS``: fitted by
+``benchmarks/streets/certainty.py`` on 19 drawn streets, copied from ``benchmarks/results/certainty.json``."""
 CERTAIN = 232
 """Level from which on a pixel is called certain: the lowest for which 95 % of such pixels are right on the mean of 19 streets, and
 88 % on nine of ten, each predicted by a fit to the others. It is over the ceiling of what no frame shows, so that is never

@@ -201,9 +201,9 @@ def render(
     names = (outputs,) if isinstance(outputs, str) else tuple(dict.fromkeys(outputs))
     for name in names:
         if name not in PLANES:
-            raise ValueError(f"unknown plane {name!r}; there are {', '.join(PLANES)}")
+            raise ValueError(f"not a plane: {name!r}; use {', '.join(PLANES)}")
     if backend not in BACKENDS:
-        raise ValueError(f"unknown backend {backend!r}; there are {', '.join(BACKENDS)}")
+        raise ValueError(f"not a backend: {backend!r}; use {', '.join(BACKENDS)}")
     if not 0 < near < far < np.inf:
         raise ValueError(f"near {near} and far {far}; 0 < near < far is needed")
     _check_camera(camera)

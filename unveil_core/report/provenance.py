@@ -127,7 +127,7 @@ def certainty_cards(metrics: dict[str, Any]) -> list[tuple[str, str]]:
     found = metrics.get("certainty", {})
     if found.get("certain") is None:
         return []
-    text = f"of what was changed is called certain ({CERTAIN} of {ORIGINAL_LEVEL} and more)"
+    text = f"of what was changed counts as certain ({CERTAIN} of {ORIGINAL_LEVEL} and more)"
     if found.get("certain_right") is not None:
         text += f"; {percent(found['certain_right'])} of that is right"
     return [(percent(found["certain"]), text)]

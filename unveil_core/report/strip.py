@@ -55,7 +55,7 @@ def write_strip(
             raise WorkspaceError(f"has no frame {missing[0]!r}", path=root / "drive", mend="name frames of the drive")
         chosen = [by_name[name] for name in frames]
     if not chosen:
-        raise WorkspaceError("there is no frame to show", path=root / "drive", mend="name at least one")
+        raise WorkspaceError("No frame to show", path=root / "drive", mend="name at least one")
     # The cameras of a rig may have pictures of different shapes: none is stretched.
     height = max(max(1, round(tile_width * f.camera.height / f.camera.width)) for f in chosen)
     rows = [[_tile(read_image(f.image_path), tile_width, height) for f in chosen]]
@@ -69,7 +69,7 @@ def _picture(root: Path, folder: str, frame: Frame) -> NDArray[np.uint8]:
     path = frame_file(root / folder, frame)
     if not path.is_file():
         made_by = {"frames": "deliver", "inpainted": "inpaint"}.get(folder, "reoptimize")
-        raise WorkspaceError("was not made yet", path=path, mend=f"run `unveil {made_by}`")
+        raise WorkspaceError("Not made yet", path=path, mend=f"run `unveil {made_by}`")
     return read_delivered(root, frame) if folder == "frames" else read_image(path)
 
 

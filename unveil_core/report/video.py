@@ -63,7 +63,7 @@ def write_video(
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
-        raise WorkspaceError("is no format for the movie", path=path, mend=f"use {' or '.join(FORMATS)}")
+        raise WorkspaceError("Not a format of movies", path=path, mend=f"use {' or '.join(FORMATS)}")
     root = Path(workspace_root)
     frames = _delivered(root, camera_name)
     rate = recorded_rate(frames) if frames_per_second is None else frames_per_second

@@ -100,7 +100,7 @@ class SceneLabels:
 def _list_of(values: object, kind: type[_T], key: str) -> tuple[_T, ...]:
     """The checked values of a list of a JSON file."""
     if not isinstance(values, list) or not all(type(v) is kind for v in values):
-        raise ValueError(f"{key} is no list of {kind.__name__}")
+        raise ValueError(f"not a list of {kind.__name__}: {key}")
     return tuple(values)
 
 

@@ -85,7 +85,9 @@ class SolveSettings:
         if self.focal is not None:
             focal_of(self.focal, (4, 3))
         if self.labels is not None and self.segmenter is not None:
-            raise SettingsError("labels come from a folder and from a network", mend="give --labels or --segmenter")
+            raise SettingsError(
+                "Given twice: labels, from a folder and from a network", mend="give --labels or --segmenter"
+            )
         for name, value, (least, most), unit in (
             ("camera-height", self.camera_height, HEIGHTS_M, "metres"),
             ("speed", self.speed, SPEEDS_KMH, "km/h"),
@@ -96,4 +98,4 @@ class SolveSettings:
         scales = ("camera_height", "speed", "known_length", "gpx")
         given = [f"--{n.replace('_', '-')}" for n in scales if getattr(self, n) is not None]
         if len(given) > 1:
-            raise SettingsError(f"two things tell the scale: {' and '.join(given)}", mend="give one of them")
+            raise SettingsError(f"Given twice: the scale, by {' and '.join(given)}", mend="give one of them")

@@ -84,7 +84,7 @@ def _check_inputs(inputs: Sequence[Path]) -> None:
 
 def _check_output(output: Path, inputs: Sequence[Path], settings: SolveSettings) -> None:
     if output.exists() and not output.is_dir():
-        raise SettingsError("is a file", path=output, mend="name a folder with -o")
+        raise SettingsError("Not a folder", path=output, mend="name a folder with -o")
     target = output.resolve()
     for path in inputs:
         own = path.resolve()
@@ -94,6 +94,6 @@ def _check_output(output: Path, inputs: Sequence[Path], settings: SolveSettings)
             )
     if output.is_dir() and any(output.iterdir()) and record_of(output / RECORD) is None and not settings.replace:
         raise SettingsError(
-            "is there already, and no solve wrote it", path=output, mend="name another folder with -o, or add --replace"
+            "Not replaced: no solve wrote it", path=output, mend="name another folder with -o, or add --replace"
         )
     output.mkdir(parents=True, exist_ok=True)

@@ -114,7 +114,7 @@ def read_surfels(path: Path) -> Surfels:
     try:
         found = read_vertices(path)
     except UNREADABLE as error:
-        raise UnveilError(f"not a readable surfel PLY: {str(error) or type(error).__name__}", path=path) from error
+        raise UnveilError(f"Not a readable surfel PLY: {str(error) or type(error).__name__}", path=path) from error
     present = set(found.names)
     rest = sum(name.startswith("f_rest_") for name in present)
     scales = ("scale_0", "scale_1", "scale_2")[: 3 if ELLIPSOIDS in found.comments else 2]
@@ -128,9 +128,7 @@ def read_surfels(path: Path) -> Surfels:
     def stack(*names: str) -> torch.Tensor:
         columns = found.columns(names, np.float32)
         if not np.isfinite(columns).all():  # or too large
-            raise UnveilError(
-                f"holds {names[0]} that is not finite", path=path, mend="run the stage that wrote it again"
-            )
+            raise UnveilError(f"Not finite: {names[0]}", path=path, mend="run the stage that wrote it again")
         return torch.from_numpy(columns)
 
     count = len(found.table)
@@ -144,7 +142,7 @@ def read_surfels(path: Path) -> Surfels:
         with np.errstate(invalid="ignore"):  # NaN becomes a number that it does not equal
             labels = given.astype(np.int64)
         if count and not ((labels == given).all() and -1 <= int(labels.min()) <= int(labels.max()) < 256):
-            raise UnveilError("holds a label that is none", path=path, mend="labels are -1 to 255")
+            raise UnveilError("Not a label: one of its values", path=path, mend="labels are -1 to 255")
     return Surfels(
         means=stack("x", "y", "z"),
         quats=stack("rot_0", "rot_1", "rot_2", "rot_3"),

@@ -167,9 +167,9 @@ def load_sky(path: Path) -> Sky:
         if texture.dtype != np.float32 or texture.ndim != 3 or len(texture) != 3 or not texture.size:
             raise ValueError(f"its texture is {texture.dtype} {texture.shape}")
         if axes.dtype != np.float64 or axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-3:
-            raise ValueError("its axes are no rotation")
+            raise ValueError("its axes do not form a rotation")
         if not np.isfinite(texture).all():
             raise ValueError("a colour is not finite")
         return Sky(torch.from_numpy(texture), axes)
     except NO_ARCHIVE as error:
-        raise UnveilError(f"is no readable sky: {error}", path=path, mend="run `unveil reconstruct` again") from error
+        raise UnveilError(f"Not a readable sky: {error}", path=path, mend="run `unveil reconstruct` again") from error

@@ -61,7 +61,7 @@ def _object(path: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend=MEND) from error
     if not isinstance(content, dict):
-        raise WorkspaceError("is no JSON object", path=path, mend=MEND)
+        raise WorkspaceError("Not a JSON object", path=path, mend=MEND)
     return content
 
 
@@ -69,7 +69,7 @@ def _labels(workspace: Workspace, path: Path, content: dict[str, Any]) -> SceneL
     try:
         return replace(SceneLabels.from_json(content), overlooked=workspace.root / "masks/overlooked")
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise WorkspaceError(f"is no choice of labels: {error}", path=path, mend=MEND) from error
+        raise WorkspaceError(f"Not a choice of labels: {error}", path=path, mend=MEND) from error
 
 
 def load_mask(path: Path) -> NDArray[np.bool_]:
@@ -96,7 +96,7 @@ def load_array(path: Path) -> NDArray[np.int64]:
     try:
         return load_npy(path)
     except NO_ARCHIVE as error:
-        raise WorkspaceError(f"is no array: {error}", path=path, mend="run the stage that writes it again") from error
+        raise WorkspaceError(f"Not an array: {error}", path=path, mend="run the stage that writes it again") from error
 
 
 def frame_file(folder: Path, frame: Frame) -> Path:
@@ -124,9 +124,9 @@ def listed_objects(workspace: Workspace) -> list[dict[str, Any]]:
     for i, entry in enumerate(entries):
         number, picture = entry.get("id"), entry.get("thumbnail")
         if type(number) is not int or not 0 < number < 65536:
-            raise WorkspaceError(
-                f"object {i}: id {str(number)[:40]!r} is no number from 1 to 65535", path=path, mend=MEND
-            )
+            raise WorkspaceError(f"Not an id from 1 to 65535: {str(number)[:40]!r} of object {i}", path=path, mend=MEND)
         if picture is not None and not all(map(is_file_name, str(picture).split("/"))):
-            raise WorkspaceError(f"object {i}: {str(picture)[:40]!r} is no file of the workspace", path=path, mend=MEND)
+            raise WorkspaceError(
+                f"Not a file of the workspace: {str(picture)[:40]!r} of object {i}", path=path, mend=MEND
+            )
     return entries

@@ -68,7 +68,7 @@ def recover(workspace: Workspace) -> None:
     if path.is_file():
         entry: Any = _read(path)
         if not _is_sound(entry):
-            raise WorkspaceError("is no journal of this program", path=path, mend=MEND)
+            raise WorkspaceError("Not a journal of this program", path=path, mend=MEND)
         try:
             _finish(workspace, entry)
         except OSError as error:
@@ -104,7 +104,7 @@ def _read(path: Path) -> Any:
     try:
         return read_own_json(path)
     except (OSError, ValueError) as error:
-        raise WorkspaceError(f"is no journal of this program: {error}", path=path, mend=MEND) from error
+        raise WorkspaceError(f"Not a journal of this program: {error}", path=path, mend=MEND) from error
 
 
 def _journal(workspace: Workspace) -> Path:

@@ -49,7 +49,7 @@ def refuse_links(root: Path) -> None:
 def _check(entry: os.DirEntry[str], folders: list[str]) -> None:
     if entry.is_symlink() or (os.name == "nt" and is_link(entry.stat(follow_symlinks=False))):
         raise WorkspaceError(
-            "is a symbolic link, and what is read or written through it may lie anywhere",
+            "A symbolic link: what is read or written through it may lie anywhere",
             path=entry.path,
             mend="put the file or folder itself there, or link the whole workspace",
         )
@@ -57,5 +57,5 @@ def _check(entry: os.DirEntry[str], folders: list[str]) -> None:
         folders.append(entry.path)
     elif not entry.is_file(follow_symlinks=False) and os.path.lexists(entry.path):
         raise WorkspaceError(
-            "is no file but a pipe or a device", path=entry.path, mend="remove it, or put a file in its place"
+            "Not a file but a pipe or a device", path=entry.path, mend="remove it, or put a file in its place"
         )

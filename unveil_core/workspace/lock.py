@@ -63,7 +63,7 @@ class Lock:
         if self._handle is None:
             return
         if self._folder is not None and not _is_at(self._folder, self.path.parent):
-            raise WorkspaceError("is another folder now", path=self.path.parent, mend="run it again")
+            raise WorkspaceError("Another folder took its place", path=self.path.parent, mend="run it again")
         if _is_at(self._handle, self.path):
             return
         handle = self._locked_file()
@@ -106,7 +106,7 @@ class Lock:
                 if os.environ.get(NO_LOCKS_VARIABLE) == "1":
                     return self._opened()
                 raise WorkspaceError(
-                    f"is on a file system without locks, so two runs would not be kept apart: {error.strerror}",
+                    f"On a file system without locks, which cannot keep two runs apart: {error.strerror}",
                     path=self.path.parent,
                     mend=f"use a local disk; where no other run can come, set {NO_LOCKS_VARIABLE}=1",
                 ) from error
@@ -114,7 +114,7 @@ class Lock:
                 return handle
             os.close(handle)  # it was removed before it was locked, and whoever comes locks another one
         raise InUseError(
-            "is removed again and again", path=self.path, mend="stop the program that removes it, and run it again"
+            "Removed again and again", path=self.path, mend="stop the program that removes it, and run it again"
         )
 
     def _opened(self) -> int:
@@ -122,7 +122,7 @@ class Lock:
         try:
             return open_in_place(self.path, os.O_RDWR | os.O_CREAT)  # it is cut and written
         except FileNotFoundError as error:
-            raise WorkspaceError("is not there any more", path=self.path.parent, mend="run it again") from error
+            raise WorkspaceError("Not there any more", path=self.path.parent, mend="run it again") from error
         except RefusedFileError as error:
             raise WorkspaceError(str(error.strerror), path=self.path, mend="remove it: it holds no results") from error
         except OSError as error:
@@ -142,7 +142,7 @@ class Lock:
                 time.sleep(patience)
 
     def _in_use(self) -> InUseError:
-        problem = f"is in use by another process{self._holder()}"
+        problem = f"In use by another process{self._holder()}"
         return InUseError(problem, path=self.path.parent, mend="wait or stop it")
 
     def _sign(self, handle: int) -> None:

@@ -55,7 +55,7 @@ class Workspace:
         """
         workspace = Workspace(Path(root))
         if not workspace.workspace_json.is_file():
-            raise WorkspaceError("is no workspace", path=root, mend="make one with `unveil run` or `unveil import`")
+            raise WorkspaceError("Not a workspace", path=root, mend="make one with `unveil run` or `unveil import`")
         refuse_links(workspace.root)
         workspace.state()
         return workspace
@@ -72,13 +72,15 @@ class Workspace:
             workspace.state()
             return True
         if workspace.root.exists() and not workspace.root.is_dir():
-            raise WorkspaceError("is a file", path=root, mend="name a folder for the workspace")
+            raise WorkspaceError("Not a folder", path=root, mend="name a folder for the workspace")
         if workspace.root.is_dir() and not all(p.name.startswith(BEGUN) for p in workspace.root.iterdir()):
             if workspace.workspace_json.is_file():
                 return True  # made by another process in this moment
-            raise WorkspaceError("is not empty and no workspace", path=root, mend="name a new or empty folder")
+            raise WorkspaceError("Not empty, and not a workspace", path=root, mend="name a new or empty folder")
         if not _may_lock(workspace.root / LOCK):
-            raise WorkspaceError("is another program's", path=workspace.root / LOCK, mend="name a new or empty folder")
+            raise WorkspaceError(
+                "Another program's file", path=workspace.root / LOCK, mend="name a new or empty folder"
+            )
         return False
 
     @staticmethod
@@ -178,13 +180,13 @@ class Workspace:
         entries = parts[0].values() if isinstance(parts[0], dict) else ()
         if not all(isinstance(part, dict) for part in (*parts, *entries)):
             raise WorkspaceError(
-                "is not what a workspace says of itself: expected an object with an object for each stage",
+                "Not what a workspace says of itself: expected an object with an object for each stage",
                 path=self.workspace_json,
                 mend="restore the file, or begin a new workspace",
             )
         if not _is_ours(data):
             raise WorkspaceError(
-                "is another program's, and not of a workspace",
+                "Another program's file, and not of a workspace",
                 path=self.workspace_json,
                 mend="name a new or empty folder",
             )

@@ -30,14 +30,14 @@ def test_a_run_of_footage_hands_on_what_the_solve_takes(tmp_path: Path) -> None:
 
 
 def test_what_only_drives_have_is_refused() -> None:
-    with pytest.raises(SettingsError, match="--scale is of drives, and this is footage"):
+    with pytest.raises(SettingsError, match="Not an option of footage: --scale belongs to drives"):
         _run("--scale", "2")
 
 
 def test_what_only_footage_has_is_refused_of_a_drive(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drive = make_tiny_drive(tmp_path / "drive")
     assert main(["run", str(drive), "-o", str(tmp_path / "out"), "--known-length", "20"]) == 2
-    assert "--known-length is of clips and photographs, and this is a drive" in capsys.readouterr().err
+    assert "Not an option of drives: --known-length belongs to clips and photographs" in capsys.readouterr().err
 
 
 def test_a_drive_is_no_footage(tmp_path: Path) -> None:

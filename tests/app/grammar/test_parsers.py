@@ -81,8 +81,8 @@ def test_verbs_are_listed_by_what_they_are_for(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--json", "run", "nowhere", "-o", "w"], "there is no such drive"),
-        (["run", "nowhere", "-o", "w", "--json"], "there is no such drive"),
+        (["--json", "run", "nowhere", "-o", "w"], "Not found"),
+        (["run", "nowhere", "-o", "w", "--json"], "Not found"),
         (["run", "--json"], "required"),
         (["--json", "run", "d", "-o", "w", "--seed", "x"], "a whole number"),
         (["status", "nowhere", "--json"], "no workspace"),

@@ -68,7 +68,7 @@ def test_a_loop_without_end_ends(make: Callable[[Path], Path], tmp_path: Path) -
     opened._limits = LITTLE
     with pytest.raises(NetworkProblem, match="takes more than 3 s"):
         opened.run(NOISE)
-    with pytest.raises(NetworkProblem, match="was ended before"):
+    with pytest.raises(NetworkProblem, match="has ended already"):
         opened.run(NOISE)
     assert time.monotonic() - begun < 30 and children() == before
 

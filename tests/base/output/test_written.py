@@ -31,12 +31,12 @@ def test_what_was_noted_may_be_written_again_and_nothing_else(tmp_path: Path) ->
     note_written(tmp_path, ["rgb/0.png", "rgb/1.png"])
     put(tmp_path, "rgb/0.png", "depth/0.png", "notes.txt")
     check_writable(tmp_path, ["rgb/0.png", "rgb/1.png", "rgb/2.png"], mend="move it")
-    with pytest.raises(SettingsError, match=r"depth/0.png: is there already, and Unveil did not write it \(move it\)"):
+    with pytest.raises(SettingsError, match=r"depth/0.png: Not written by Unveil, and so not replaced \(move it\)"):
         check_writable(tmp_path, ["rgb/0.png", "depth/0.png"], mend="move it")
-    with pytest.raises(SettingsError, match=r"notes.txt: is there already, where a folder is to be written"):
+    with pytest.raises(SettingsError, match=r"notes.txt: Not a folder, and a folder is to be written here"):
         check_writable(tmp_path, ["notes.txt/0.png"], mend="move it")
     os.symlink(tmp_path / "depth", tmp_path / "normal")
-    with pytest.raises(SettingsError, match="normal: is there already"):
+    with pytest.raises(SettingsError, match="normal: Not a folder"):
         check_writable(tmp_path, ["normal/1.png"], mend="move it")
 
 
@@ -57,9 +57,9 @@ def test_a_record_of_another_program_lists_nothing(content: str, tmp_path: Path)
     (tmp_path / RECORD).write_text(content)
     put(tmp_path, "a")
     assert written_in(tmp_path) is None
-    with pytest.raises(SettingsError, match="Unveil did not write it"):
+    with pytest.raises(SettingsError, match="Not written by Unveil"):
         check_writable(tmp_path, ["b"], mend="move it")
-    with pytest.raises(SettingsError, match="Unveil did not write it"):
+    with pytest.raises(SettingsError, match="Not written by Unveil"):
         check_replaceable(tmp_path, written_in(tmp_path), mend="move it")
 
 

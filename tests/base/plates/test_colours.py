@@ -90,5 +90,5 @@ def test_a_studios_configuration_decides(tmp_path: Path, monkeypatch: pytest.Mon
     )
     np.testing.assert_allclose(applied(values, name, "ACEScg"), expected, atol=1e-4)
     np.testing.assert_allclose(colours.decoded(colours.encoded(values)), values, rtol=1e-4, atol=1e-5)
-    with pytest.raises(SettingsError, match="is no configuration of OpenColorIO"):
+    with pytest.raises(SettingsError, match="Not a configuration of OpenColorIO"):
         space_of_file(str(tmp_path / "gone.ocio"), tmp_path / "plate.exr", "openexr")

@@ -127,7 +127,7 @@ WRONG = {
     "a list counted in floats": (
         "element vertex 1\nproperty list float int x\n",
         bytes(12),
-        "count that is no whole number",
+        "counts by fractions",
     ),
     "another word": (ONE + "texture a.png\n", bytes(12), "a line that begins with 'texture'"),
     "faces alone": (f"element face 1\n{FACES}", b"\x03" + bytes(12), "it has no vertices"),
@@ -157,9 +157,9 @@ def test_a_header_that_is_wrong_is_told(name: str, tmp_path: Path) -> None:
     [
         ("1 2\n", "more or fewer numbers"),
         ("1 2 3 4\n", "more or fewer numbers"),
-        ("1 2 300\n", "z is no whole number of its kind"),
-        ("1 2 0.5\n", "z is no whole number of its kind"),
-        ("1 2 nan\n", "z is no whole number of its kind"),
+        ("1 2 300\n", "z has a value that its kind cannot hold"),
+        ("1 2 0.5\n", "z has a value that its kind cannot hold"),
+        ("1 2 nan\n", "z has a value that its kind cannot hold"),
     ],
 )
 def test_a_row_of_text_that_is_wrong_is_told(rows: str, problem: str, tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def test_the_workspace_of_the_benchmark_is_read(addon, scene, tmp_path: Path) ->
     import bpy
 
     program = (
-        "import sys, pathlib; from benchmarks.big_workspace import BigWorkspace, make_big_workspace; "
+        "import sys, pathlib; from benchmarks.blender.big_workspace import BigWorkspace, make_big_workspace; "
         "make_big_workspace(pathlib.Path(sys.argv[1]), BigWorkspace(6, 3000, 20_000, 400, 30, (48, 32)))"
     )
     outside("-c", program, str(tmp_path / "ws"))

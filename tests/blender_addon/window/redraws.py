@@ -2,8 +2,8 @@
 
     python tests/blender_addon/window/redraws.py --blender blender --extension ZIP -o OUT [--workspace WS]
 
-WS: that ``benchmarks/big_workspace.py`` wrote; made where it is not named. ``OUT/redraws.json`` tells milliseconds of a redraw of
-the sidebar and of the 3D view, of a new file and of the drive; without a graphics card the view is drawn by the
+WS: that ``benchmarks/blender/big_workspace.py`` wrote; made where it is not named. ``OUT/redraws.json`` tells milliseconds of a
+redraw of the sidebar and of the 3D view, of a new file and of the drive; without a graphics card the view is drawn by the
 processor.
 """
 
@@ -50,7 +50,7 @@ def main() -> int:
     python = unveil_python(out, given.python)
     workspace = given.workspace or out / "big"
     if given.workspace is None:
-        subprocess.run([python, str(ROOT / "benchmarks/big_workspace.py"), str(workspace)], check=True)
+        subprocess.run([python, str(ROOT / "benchmarks/blender/big_workspace.py"), str(workspace)], check=True)
     with BlenderWindow(given.blender, out, environ={"BLENDER_USER_RESOURCES": str(out / "user")}) as window:
         ready(window, given.extension.absolute(), python)
         window.tell(HELPERS)

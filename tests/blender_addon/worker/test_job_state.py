@@ -90,7 +90,7 @@ def test_time_left_is_of_the_run_where_it_says_so() -> None:
     [
         (0, "unveil: error: of no consequence", "done", ""),
         (1, "unveil: failed: ws: the disk is full (…)", "failed", "ws: the disk is full (…)"),
-        (2, "unveil: error: x: there is no such drive", "bad input", "x: there is no such drive"),
+        (2, "unveil: error: x: Not found", "bad input", "x: Not found"),
         (2, "", "bad input", "Bad input; the log tells which"),
         (1, "", "failed", "It failed; the log tells where"),
         (130, "unveil: cancelled", "cancelled", ""),

@@ -136,7 +136,7 @@ def test_of_a_mistake_that_explains_half_the_points_tell(folder: Path) -> None:
 def test_a_still_camera_is_told(folder: Path) -> None:
     drive = seen_street(folder)
     still = [at(c, cameras()[0].centre - c.centre + 1e-12 * k) for k, c in enumerate(cameras())]
-    assert "all 5 frames of camera camera are at one place (are their poses missing?)" in lines(
+    assert "all 5 frames of camera camera are at one place (add their poses, which may be missing)" in lines(
         with_cameras(drive, still)
     )
 

@@ -90,14 +90,19 @@ def test_other_sizes_are_one_line(tmp_path: Path) -> None:
     drive = make_tiny_drive(tmp_path)
     path = tmp_path / "images/00.png"
     cv2.imwrite(str(path), np.zeros((20, 32, 3), np.uint8))
-    with pytest.raises(DriveError, match=r"00\.png: is 32x20 pixels, its camera says 32x24 \(resize the image"):
+    with pytest.raises(
+        DriveError, match=r"00\.png: Not the size of its camera: 32x20 pixels, the camera says 32x24 \(resize the image"
+    ):
         check_drive(open_drive(drive))
 
 
 def test_swapped_sides_are_told_with_what_turns_them(tmp_path: Path) -> None:
     drive = make_tiny_drive(tmp_path)
     edit(drive, lambda d: d.update(w=24, h=32, cx=12.0, cy=16.0))
-    with pytest.raises(DriveError, match=r"is 32x24 pixels, its camera says 24x32 \(width and height are swapped"):
+    with pytest.raises(
+        DriveError,
+        match=r"Not the size of its camera: 32x24 pixels, the camera says 24x32 \(width and height are swapped",
+    ):
         check_drive(open_drive(drive))
     done, plain = cv2.imencode(".jpg", cv2.imread(str(tmp_path / "images/00.png")))
     tiff = b"II*\0\x08\0\0\0" + b"\x01\0" + b"\x12\x01\x03\0\x01\0\0\0\x06\0\0\0" + bytes(4)
@@ -107,6 +112,6 @@ def test_swapped_sides_are_told_with_what_turns_them(tmp_path: Path) -> None:
     edit(drive, lambda d: d["frames"][0].update(file_path="images/00.jpg"))
     with pytest.raises(
         DriveError,
-        match=r"32x24 pixels as it is stored, and 24x32, as its camera says, only as EXIF has it shown \(6\)",
+        match=r"Stored with 32x24 pixels, and only EXIF turns it to the 24x32 of its camera \(6\)",
     ):
         check_drive(open_drive(drive))

@@ -67,7 +67,7 @@ def test_a_file_is_known_as_well(tmp_path: Path) -> None:
 
 def test_what_nobody_knows_is_answered_as_before(tmp_path: Path) -> None:
     (tmp_path / "something").mkdir()
-    with pytest.raises(DriveError, match="holds no drive.*looked for: transforms.json"):
+    with pytest.raises(DriveError, match="Not a drive.*looked for: transforms.json"):
         open_drive(tmp_path)
 
 

@@ -233,7 +233,7 @@ def test_what_is_missing_is_told(tmp_path: Path, content: Content) -> None:
     )
     assert not drive.sweeps and not drive.frames[0].boxes
     (tmp_path / "calibration/intrinsics.feather").unlink()
-    with pytest.raises(DriveError, match="intrinsics.feather: there is no such file"):
+    with pytest.raises(DriveError, match="intrinsics.feather: Not found"):
         open_drive(tmp_path)
 
 
@@ -250,7 +250,7 @@ def test_a_log_without_photographs_opens_and_is_not_imported(tmp_path: Path, con
 def test_a_table_that_is_cut_short_is_told(tmp_path: Path, content: Content, name: str) -> None:
     path = write(tmp_path, content) / f"{name}.feather"
     path.write_bytes(path.read_bytes()[:-9])
-    with pytest.raises(DriveError, match=f"{name}.feather: is cut short or damaged"):
+    with pytest.raises(DriveError, match=f"{name}.feather: Cut short or damaged"):
         open_drive(tmp_path)
 
 
@@ -259,7 +259,7 @@ def test_a_damaged_sweep_is_told_when_it_is_read(tmp_path: Path, content: Conten
     path.write_bytes(path.read_bytes()[:100])
     drive = open_drive(tmp_path)
     drive.sweeps[0].read()
-    with pytest.raises(DriveError, match=f"{SWEEPS[1]}.feather: is cut short or damaged"):
+    with pytest.raises(DriveError, match=f"{SWEEPS[1]}.feather: Cut short or damaged"):
         drive.sweeps[1].read()
 
 

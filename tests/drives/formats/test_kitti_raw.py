@@ -196,12 +196,12 @@ def test_tracklets_are_boxes_in_the_world(tmp_path: Path) -> None:
         (tracklets("", extra='<!DOCTYPE a SYSTEM "file:///etc/passwd">'), "another file as its document type"),
         (tracklets("", extra='<!DOCTYPE a PUBLIC "b" "http://c/d.dtd">'), "another file as its document type"),
         (tracklets("", extra='<!DOCTYPE a [<!ATTLIST item b CDATA "ccc">]>'), "values in its document type"),
-        (tracklets("<item>&b;</item>"), "no complete XML: undefined entity"),
+        (tracklets("<item>&b;</item>"), "Not complete XML: undefined entity"),
         (tracklets("<item>" * 40 + "</item>" * 40), "within one another"),
-        (tracklets(pose_item(1, 0))[:-60], "no complete XML"),
+        (tracklets(pose_item(1, 0))[:-60], "Not complete XML"),
         (tracklets("<item><tx>1</tx></item>"), "object 1: lacks ty"),
         (tracklets(pose_item(1, 0)).replace("<h>2</h>", "<h>two</h>"), "object 1: could not convert"),
-        ("", "no complete XML"),
+        ("", "Not complete XML"),
     ],
 )
 def test_hostile_and_damaged_tracklets_say_so(tmp_path: Path, text: str, said: str) -> None:
@@ -243,13 +243,13 @@ def test_damaged_files_say_so(tmp_path: Path) -> None:
     sweep = drive / "velodyne_points/data/0000000001.bin"
     sweep.write_bytes(sweep.read_bytes()[:-3])
     opened = open_drive(drive)
-    with pytest.raises(DriveError, match=r"0000000001.bin: is cut short"):
+    with pytest.raises(DriveError, match=r"0000000001.bin: Cut short"):
         opened.sweeps[1].read()
     sweep.write_bytes(b"")
-    with pytest.raises(DriveError, match="is empty"):
+    with pytest.raises(DriveError, match="Empty"):
         opened.sweeps[1].read()
     write_text(drive / "image_02/timestamps.txt", "noon\n")
-    with pytest.raises(DriveError, match="line 1 is no time stamp"):
+    with pytest.raises(DriveError, match="Not a time stamp: line 1"):
         open_drive(drive)
     (drive / "image_02/timestamps.txt").unlink()
     assert open_drive(drive).frames[0].timestamp is None

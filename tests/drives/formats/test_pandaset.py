@@ -288,9 +288,9 @@ def smaller(root: Path) -> None:
 
 FRONT = "camera/front_camera"
 WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
-    "a sweep cut short": (lambda r: halved(r / "lidar/01.pkl.gz"), r"lidar/01\.pkl\.gz.*cut short"),
-    "cuboids cut short": (lambda r: halved(r / "annotations/cuboids/02.pkl.gz"), r"cuboids/02\.pkl\.gz.*cut short"),
-    "labels cut short": (lambda r: halved(r / "annotations/semseg/02.pkl.gz"), r"semseg/02\.pkl\.gz.*cut short"),
+    "a sweep cut short": (lambda r: halved(r / "lidar/01.pkl.gz"), r"lidar/01\.pkl\.gz.*Cut short"),
+    "cuboids cut short": (lambda r: halved(r / "annotations/cuboids/02.pkl.gz"), r"cuboids/02\.pkl\.gz.*Cut short"),
+    "labels cut short": (lambda r: halved(r / "annotations/semseg/02.pkl.gz"), r"semseg/02\.pkl\.gz.*Cut short"),
     "an empty sweep file": (lambda r: (r / "lidar/01.pkl.gz").write_bytes(b""), r"lidar/01\.pkl\.gz"),
     "labels of another sweep": (
         lambda r: write_table(r / "annotations/semseg/01.pkl.gz", {"class": np.zeros(3, np.int64)}),
@@ -298,13 +298,13 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "a sweep without z": (
         lambda r: write_table(r / "lidar/01.pkl.gz", {"x": np.zeros(3), "y": np.zeros(3)}),
-        r"lidar/01\.pkl\.gz.*no sweep",
+        r"lidar/01\.pkl\.gz.*Not a sweep",
     ),
     "cuboids without a column": (
         lambda r: write_table(r / "annotations/cuboids/01.pkl.gz", {"uuid": np.array(["a"], dtype=object)}),
         r"cuboids/01\.pkl\.gz.*lacks the column label",
     ),
-    "a JPEG of no bytes": (lambda r: (r / FRONT / "01.jpg").write_bytes(b""), r"01\.jpg.*is empty"),
+    "a JPEG of no bytes": (lambda r: (r / FRONT / "01.jpg").write_bytes(b""), r"01\.jpg.*Empty"),
     "a JPEG cut short": (lambda r: halved(r / FRONT / "01.jpg"), r"01\.jpg"),
     "no time stamps": (lambda r: (r / FRONT / "timestamps.json").unlink(), r"timestamps\.json"),
     "no poses": (lambda r: (r / FRONT / "poses.json").unlink(), r"poses\.json"),
@@ -320,7 +320,7 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
         changed(f"{FRONT}/poses.json", lambda p: [{**p[0], "heading": dict.fromkeys("wxyz", 0)}, *p[1:]]),
         r"poses\.json.*frame 00",
     ),
-    "poses that are a dict": (changed(f"{FRONT}/poses.json", lambda p: {"poses": p}), r"poses\.json.*no list"),
+    "poses that are a dict": (changed(f"{FRONT}/poses.json", lambda p: {"poses": p}), r"poses\.json.*Not a list"),
     "time stamps of text": (changed(f"{FRONT}/timestamps.json", lambda t: ["soon"] * 4), r"timestamps\.json"),
     "a time stamp of infinity": (
         changed(f"{FRONT}/timestamps.json", lambda t: [*t[:3], float("inf")]),

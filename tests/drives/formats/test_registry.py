@@ -128,7 +128,7 @@ def test_an_unknown_folder_gives_one_line_with_what_was_looked_for(tmp_path: Pat
     with pytest.raises(DriveError) as error:
         open_drive(tmp_path)
     said = str(error.value)
-    assert "\n" not in said and "holds no drive" in said
+    assert "\n" not in said and "Not a drive" in said
     assert all(f.looked_for in said for f in FORMATS)
 
 

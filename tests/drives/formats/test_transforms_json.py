@@ -152,18 +152,18 @@ def bad_json(path: Path) -> None:
 
 
 BAD = {
-    "01.png: is cut short": cut_image,
-    "01.png: is not a readable image": garble_image,
-    "01.png: is 10x10 pixels, its camera says 32x24": resize_image,
-    "02.png: is 10x10 pixels, its camera says 32x24": resize_labels,
+    "01.png: Cut short": cut_image,
+    "01.png: Not a readable image": garble_image,
+    "01.png: Not the size of its camera: 10x10 pixels, the camera says 32x24": resize_image,
+    "02.png: Not the size of its camera: 10x10 pixels, the camera says 32x24": resize_labels,
     "transforms.json: the pose of frame 01 holds NaN or infinity": nan_pose,
-    "transforms.json: the pose of frame 01 is no rotation": scaled_pose,
+    "transforms.json: Not a rotation: the pose of frame 01": scaled_pose,
     "transforms.json: has no frames": no_frames,
     "transforms.json: names no points": no_points,
-    "points.ply: there is no such point file": missing_points,
-    "points.ply: is not a readable point PLY": cut_points,
+    "points.ply: Not found": missing_points,
+    "points.ply: Not a readable point PLY": cut_points,
     "frame 00 of camera camera occurs twice": twice,
-    "transforms.json: is not valid JSON": bad_json,
+    "transforms.json: Not valid JSON": bad_json,
 }
 
 
@@ -220,7 +220,7 @@ def test_selection(tmp_path: Path) -> None:
 
 
 def test_unknown_places_say_what_is_looked_for(tmp_path: Path) -> None:
-    with pytest.raises(DriveError, match="there is no such drive"):
+    with pytest.raises(DriveError, match="Not found"):
         open_drive(tmp_path / "nowhere")
     with pytest.raises(DriveError, match="sparse/0 .COLMAP."):
         open_drive(tmp_path)

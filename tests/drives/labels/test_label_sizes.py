@@ -39,7 +39,7 @@ def test_they_are_scaled_and_it_is_said(kind: str, what: str, read, size: tuple[
     right = [read(f) for f in open_drive(path).frames]
     resized(folder, kind, size)
     opened = open_drive(path)
-    assert f"{what} are {size[0]}x{size[1]} pixels, photographs 32x24: they are scaled" in opened.notices
+    assert f"{what} of {size[0]}x{size[1]} pixels are scaled to the 32x24 of photographs" in opened.notices
     check_drive(opened)
     imported = import_drive(opened, tmp_path / "imported", work_side=None)
     for frame, own, wanted in zip(imported.frames, opened.frames, right, strict=True):
@@ -54,5 +54,8 @@ def test_they_are_scaled_and_it_is_said(kind: str, what: str, read, size: tuple[
 def test_other_shapes_are_one_line(size: tuple[int, int], tmp_path: Path) -> None:
     path = make_tiny_drive(tmp_path)
     resized(tmp_path, "semantics", size)
-    with pytest.raises(DriveError, match=rf"semantics.00\.png: is {size[0]}x{size[1]} pixels, its camera says 32x24"):
+    with pytest.raises(
+        DriveError,
+        match=rf"semantics.00\.png: Not the size of its camera: {size[0]}x{size[1]} pixels, the camera says 32x24",
+    ):
         check_drive(open_drive(path))

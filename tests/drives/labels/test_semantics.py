@@ -115,7 +115,7 @@ def test_colours_in_a_jpeg_are_the_nearest_but_at_borders(tmp_path: Path) -> Non
 
 
 REFUSED: dict[str, tuple[Callable[[Label], Label | bytes], str, str]] = {
-    "numbers of nothing known": (lambda x: x * 9 + 100, ".png", r"are no Cityscapes trainIds.*--label-classes"),
+    "numbers of nothing known": (lambda x: x * 9 + 100, ".png", r"no Cityscapes class has as trainId.*--label-classes"),
     "numbers in a JPEG": (lambda x: x, ".jpg", "lossy format.*as PNG"),
     "colours of nothing known": (lambda x: OWN_COLOURS[x], ".png", r"mean no known classes.*--label-classes"),
     "a photograph": (
@@ -136,7 +136,7 @@ def test_what_nothing_tells_is_one_line(kind: str, tmp_path: Path) -> None:
 
 def test_pictures_of_two_kinds_are_one_line(tmp_path: Path) -> None:
     paths = [saved(tmp_path / "0.png", street_labels()), saved(tmp_path / "1.png", in_colours(street_labels()))]
-    with pytest.raises(DriveError, match=r"1\.png: is a picture in colours, and other label pictures hold numbers"):
+    with pytest.raises(DriveError, match=r"1\.png: Colours here, and numbers in other label pictures"):
         semantic_code(samples_of(paths))
 
 
@@ -145,7 +145,7 @@ def test_what_the_user_names_is_taken_unless_it_cannot_be(tmp_path: Path) -> Non
     code, told = semantic_code(samples_of([path]), "waymo")
     assert code == SemanticCode("waymo") and told is not None and "as given" in told
     assert (train_ids(read_values(path), code, path) == street_labels()).mean() > 0.99
-    with pytest.raises(DriveError, match="is no picture of cityscapes: it holds"):
+    with pytest.raises(DriveError, match="Not a picture of cityscapes: it holds"):
         semantic_code(samples_of([path]), "cityscapes")
     with pytest.raises(DriveError, match="other colours than ade20k-colours"):
         semantic_code(samples_of([saved(tmp_path / "c.png", OWN_COLOURS[street_labels()])]), "ade20k-colours")

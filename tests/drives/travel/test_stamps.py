@@ -107,7 +107,7 @@ def test_a_drive_has_seconds_whatever_its_file_has(
     assert steps.min() > 0.03 and steps.max() < 0.11
     assert frames_per_second(drive.frames) == pytest.approx(1 / float(np.median(steps)), rel=1e-3)
     assert [n for n in drive.notices if "converted" in n] == [n for n in drive.notices if unit is not None]
-    assert unit is None or f"taken as {unit} and converted" in drive.notices[0]
+    assert unit is None or f"count as {unit} and are converted" in drive.notices[0]
 
 
 def test_a_share_of_the_drive_is_no_time(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_a_share_of_the_drive_is_no_time(tmp_path: Path) -> None:
 
 def test_words_are_no_time(tmp_path: Path) -> None:
     path = write_transforms(tmp_path, frames(NAMES, timestamp=["noon"] * 8))
-    with pytest.raises(DriveError, match="timestamp of frame 000 is no number: 'noon' .give seconds, or a date"):
+    with pytest.raises(DriveError, match="Not a number: timestamp of frame 000: 'noon' .give seconds, or a date"):
         open_drive(path)
 
 
@@ -133,5 +133,5 @@ def test_sweeps_are_converted_by_their_own_steps() -> None:
     assert [s.timestamp for s in drive.sweeps] == pytest.approx([0, 0.1, 0.2, 0.3])
     assert [f.timestamp for f in drive.frames] == pytest.approx([0, 0.1, 0.2, 0.3])
     assert drive.notices == (
-        "time stamps of LiDAR sweeps are taken as microseconds and converted: their steps would be 100,000 s",
+        "time stamps of LiDAR sweeps count as microseconds and are converted: their steps would be 100,000 s",
     )

@@ -204,5 +204,5 @@ def test_a_shift_that_is_none_is_one_line(shift: object, street: Street, tmp_pat
     shutil.copytree(street.exported("nerfstudio"), folder)
     document = json.loads((folder / "transforms.json").read_text())
     (folder / "transforms.json").write_text(json.dumps({**document, "shift": shift}))
-    with pytest.raises(DriveError, match="shift is not three numbers"):
+    with pytest.raises(DriveError, match="Not three numbers: shift"):
         open_drive(folder)

@@ -84,11 +84,11 @@ def test_a_version_that_cannot_be_written_is_one_line(
 ) -> None:
     command = ["export", str(street.root), "--to", "spz", "-o", str(tmp_path / "out"), "--spz"]
     assert main([*command, "5"]) == 2
-    assert "--spz 5 is no version that is written (use 2, 3 or 4)" in capsys.readouterr().err
+    assert "Not a version that is written: --spz 5 (use 2, 3 or 4)" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "zstandard", None)  # as Python finds what is not installed
     assert main([*command, "4"]) == 2
     error = capsys.readouterr().err
-    assert "SPZ 4 needs the library zstandard, which is not installed" in error and error.count("\n") == 1
+    assert "Not installed: zstandard, which SPZ 4 needs" in error and error.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 

@@ -56,7 +56,7 @@ def test_inpainters_continue_what_is_around(name: str) -> None:
 
 
 def test_unknown_inpainter_is_one_clear_line() -> None:
-    with pytest.raises(SettingsError, match="unknown inpainter 'lama'"):
+    with pytest.raises(SettingsError, match="Not an inpainter: lama"):
         inpainter("lama")
 
 

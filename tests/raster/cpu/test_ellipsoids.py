@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from sample_scenes.hard_cases.hard_cases import CASES, HardCase
+from tests.raster.hard_cases import CASES, HardCase
 from tests.raster.scenes import GRADIENTS, camera, random_ellipsoids, with_gradients
 from tests.raster.test_gradients import compare
 from tests.raster.test_hard_cases import assert_alike

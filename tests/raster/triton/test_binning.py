@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from sample_scenes.hard_cases.hard_cases import CASES
+from tests.raster.hard_cases import CASES
 from tests.raster.scenes import DEVICE, camera, for_backend, random_surfels
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import records as rec

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from sample_scenes.hard_cases.hard_cases import HardCase
 from tests.raster.cpu.test_ellipsoids import HARD
+from tests.raster.hard_cases import HardCase
 from tests.raster.scenes import camera, random_ellipsoids
 from tests.raster.test_gradients import LIMIT, compare
 from tests.raster.test_hard_cases import assert_alike

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sample_scenes.hard_cases.hard_cases import CASES
+from tests.raster.hard_cases import CASES
 from tests.raster.scenes import GRADIENTS, camera, for_backend, random_surfels
 from tests.raster.test_gradients import LIMIT, compare
 from tests.raster.test_hard_cases import assert_alike
@@ -22,7 +22,7 @@ def test_plane_and_gradients_match_float64(plane: str) -> None:
 
 
 # The interpreter takes some milliseconds per surfel and tile: one small image, and not the cases of a thousand layers, which
-# benchmarks/hard_cases.py measures.
+# benchmarks/reconstruction/hard_cases.py measures.
 @pytest.mark.parametrize("name", [name for name in CASES if not name.startswith("a thousand")])
 def test_hard_case_keeps_its_stated_error(name: str) -> None:
     assert_alike(CASES[name], (17, 7), "triton")

@@ -102,7 +102,7 @@ def footage_settings(arguments: argparse.Namespace, settings: RunSettings) -> So
 
     for name, value in (("scale", settings.scale), ("up", settings.up), ("cameras", settings.cameras or None)):
         if value is not None:
-            raise SettingsError(f"--{name} is of drives, and this is footage", mend="leave it out")
+            raise SettingsError(f"Not an option of footage: --{name} belongs to drives", mend="leave it out")
     own: dict[str, Any] = {k: getattr(arguments, k) for k in OF_FOOTAGE if hasattr(arguments, k)}
     return SolveSettings(
         frames=settings.frames,
@@ -139,7 +139,9 @@ def without_footage(arguments: argparse.Namespace) -> None:
     for name in OF_FOOTAGE:
         if hasattr(arguments, name):
             option = f"--{name.replace('_', '-')}"
-            raise SettingsError(f"{option} is of clips and photographs, and this is a drive", mend="leave it out")
+            raise SettingsError(
+                f"Not an option of drives: {option} belongs to clips and photographs", mend="leave it out"
+            )
 
 
 def _path(value: object) -> Path | None:

@@ -32,7 +32,7 @@ def sample_drive() -> Path:
     """The sample street of a source checkout."""
     folder = Path(__file__).resolve().parents[3] / "sample_scenes" / "parked_street"
     if not (folder / "transforms.json").is_file():
-        raise DriveError("the sample street is not there", path=folder, mend="run the demo from a source checkout")
+        raise DriveError("Not found: the sample street", path=folder, mend="run the demo from a source checkout")
     return folder
 
 
@@ -48,7 +48,7 @@ def run_all(arguments: argparse.Namespace) -> int:
         return _run_and_sum_up(arguments.drive, arguments)
     if arguments.dry_run:
         raise SettingsError(
-            "--dry-run is of drives, and this is footage",
+            "Not an option of footage: --dry-run belongs to drives",
             mend="unveil solve makes a drive of it",
         )
     return _run_and_sum_up(drive_beside(arguments.output), arguments, footage=arguments.drive)

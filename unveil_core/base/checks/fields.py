@@ -22,7 +22,7 @@ def checked(kind: type[_T], entry: object) -> _T:
         ValueError: a field that the class does not have, or of another kind.
     """
     if not isinstance(entry, dict):
-        raise TypeError(f"{str(entry)[:40]!r} is no object")
+        raise TypeError(f"not an object: {str(entry)[:40]!r}")
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     given: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in entry.items()}
     for name, value in given.items():

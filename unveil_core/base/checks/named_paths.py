@@ -27,5 +27,5 @@ def named_path(folder: Path, name: object, path: Path, key: str) -> Path:
     except UnicodeEncodeError:
         raw = b"\0"
     if b"\0" in raw or len(raw) > LONGEST_BYTES or any(len(part) > LONGEST_PART_BYTES for part in raw.split(b"/")):
-        raise DriveError(f"{key} is no name of a file: {text[:40]!r}", path=path, mend="correct it")
+        raise DriveError(f"Not the name of a file: {key} is {text[:40]!r}", path=path, mend="correct it")
     return folder / text

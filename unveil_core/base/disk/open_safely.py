@@ -154,7 +154,7 @@ def _check_kind(path: Path | str, found: os.stat_result) -> None:
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(found.st_mode):
-        raise RefusedFileError(errno.EINVAL, "it is no file but a pipe or a device", str(path))
+        raise RefusedFileError(errno.EINVAL, "not a file but a pipe or a device", str(path))
 
 
 def _of_link(path: Path | str, error: OSError) -> OSError:

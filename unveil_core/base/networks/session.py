@@ -123,7 +123,7 @@ class OnnxSession:
         """Send a request and wait for its answer."""
         with self._lock:
             if not self._end.alive:
-                raise NetworkProblem("was ended before")
+                raise NetworkProblem("has ended already")
             answer: queue.SimpleQueue[Any] = queue.SimpleQueue()
             work = threading.Thread(
                 target=_exchange, args=(self._process, head, arrays, self._limits, answer), daemon=True

@@ -87,10 +87,10 @@ def check_writable(folder: Path, names: Iterable[str], record: str = RECORD, *, 
     for name in (record, *names):
         path = folder / name
         if _is_there(path) and (name not in own or path.is_symlink() or path.is_dir()):
-            raise SettingsError("is there already, and Unveil did not write it", path=path, mend=mend)
+            raise SettingsError("Not written by Unveil, and so not replaced", path=path, mend=mend)
         for above in _folders_of(name):
             if above not in seen and _is_there(folder / above) and not _is_folder(folder / above):
-                problem = "is there already, where a folder is to be written"
+                problem = "Not a folder, and a folder is to be written here"
                 raise SettingsError(problem, path=folder / above, mend=mend)
             seen.add(above)
 
@@ -113,10 +113,10 @@ def check_replaceable(
     if not _is_there(folder):
         return
     if not _is_folder(folder):
-        raise kind("is there already, and is not a folder", path=folder, mend=mend)
+        raise kind("Not a folder, and so not replaced", path=folder, mend=mend)
     found = next(strangers(folder, own or ()), None)
     if found is not None:
-        raise kind("is there already, and Unveil did not write it", path=found, mend=mend)
+        raise kind("Not written by Unveil, and so not replaced", path=found, mend=mend)
 
 
 def strangers(folder: Path, own: Collection[str]) -> Iterator[Path]:

@@ -58,11 +58,11 @@ def _content_of(path: Path) -> bytes:
     try:
         return read_bytes(path)
     except FileNotFoundError as error:
-        raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
+        raise DriveError("Not found", path=path, mend="restore it or drop the frame") from error
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
     except ValueError as error:
-        raise DriveError("is no name of a file", path=ascii(str(path)), mend="correct it") from error
+        raise DriveError("Not the name of a file", path=ascii(str(path)), mend="correct it") from error
 
 
 def _header(content: bytes, path: Path) -> Header:
@@ -72,16 +72,16 @@ def _header(content: bytes, path: Path) -> Header:
         DriveError: empty, of another format, cut short, animated or packed in ways that cameras do not use.
     """
     if not content:
-        raise DriveError("is empty", path=path, mend=FROM_SOURCE)
+        raise DriveError("Empty", path=path, mend=FROM_SOURCE)
     if format_of(content) is None:
         other = unread_format_of(content)
-        problem = "is not a readable image" if other is None else f"is {other}, which is not read"
+        problem = "Not a readable image" if other is None else f"Not read: {other}"
         raise DriveError(problem, path=path, mend=AGAIN)
     header = header_of(content)
     if header is None:
-        raise DriveError("is cut short", path=path, mend="copy it again from its source")
+        raise DriveError("Cut short", path=path, mend="copy it again from its source")
     if header.problem is not None:
-        raise DriveError(f"{header.problem}, which is not read", path=path, mend=AGAIN)
+        raise DriveError(f"Not read: {header.problem}", path=path, mend=AGAIN)
     return header
 
 
@@ -94,7 +94,7 @@ def _decode(content: bytes, path: Path, flags: int, size: tuple[int, int] | None
             f"claims {header.width}x{header.height} pixels of {header.pixel_bytes} bytes", path=path, mend=AGAIN
         )
     if not header.whole:
-        raise DriveError("is cut short", path=path, mend="copy it again from its source")
+        raise DriveError("Cut short", path=path, mend="copy it again from its source")
     if header.parts not in ((), ((0, len(content)),)):
         content = b"".join(content[start:end] for start, end in header.parts)
     try:
@@ -104,7 +104,7 @@ def _decode(content: bytes, path: Path, flags: int, size: tuple[int, int] | None
             raise MemoryError(str(error)) from error
         image = None
     if image is None:
-        raise DriveError("is not a readable image", path=path, mend=AGAIN)
+        raise DriveError("Not a readable image", path=path, mend=AGAIN)
     _check_size(path, (image.shape[1], image.shape[0]), size)
     return image
 
@@ -130,17 +130,17 @@ def _check_size(path: Path, found: tuple[int, int], wanted: tuple[int, int] | No
     if wanted is not None and found == wanted[::-1]:
         turned, stored, shown = orientation_of(content), f"{found[0]}x{found[1]}", f"{wanted[0]}x{wanted[1]}"
         if turned in SWAPS_SIDES:
-            problem = f"is {stored} pixels as it is stored, and {shown}, as its camera says, only as EXIF has it shown ({turned})"
+            problem = f"Stored with {stored} pixels, and only EXIF turns it to the {shown} of its camera ({turned})"
             mend = "calibrate the stored pixels and turn the poses with them, or turn the files themselves, as exiftran -ai does"
         else:
             problem, mend = (
-                f"is {stored} pixels, its camera says {shown}",
+                f"Not the size of its camera: {stored} pixels, the camera says {shown}",
                 "width and height are swapped: correct w and h",
             )
         raise DriveError(problem, path=path, mend=mend)
     if wanted is not None and found != wanted:
         raise DriveError(
-            f"is {found[0]}x{found[1]} pixels, its camera says {wanted[0]}x{wanted[1]}",
+            f"Not the size of its camera: {found[0]}x{found[1]} pixels, the camera says {wanted[0]}x{wanted[1]}",
             path=path,
             mend="resize the image or correct w and h",
         )
@@ -274,5 +274,5 @@ def read_instance_image(path: Path, size: tuple[int, int] | None = None) -> NDAr
     """
     image = _decode(_content_of(path), path, cv2.IMREAD_UNCHANGED, size)
     if image.ndim != 2 or image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
-        raise DriveError("is not a one-channel image", path=path, mend="instances are 16-bit PNGs of ids")
+        raise DriveError("Not an image of one channel", path=path, mend="instances are 16-bit PNGs of ids")
     return image.astype(np.uint16)

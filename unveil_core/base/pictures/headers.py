@@ -160,7 +160,7 @@ def _png(content: bytes) -> Header | None:
         heads += name == b"IHDR"
         ended = name == b"IEND"
         if name in PNG_ANIMATED:
-            problem = "is an animated PNG"
+            problem = "an animated PNG"
         if name in PNG_KEPT:
             if parts[-1][1] == at:
                 parts[-1] = parts[-1][0], after
@@ -185,7 +185,7 @@ def _jpeg(content: bytes) -> Header | None:
             if size is None:
                 return None
             whole = scans > 0 and frames == 1 and size[0] * size[1] <= len(content) * most
-            problem = f"is a JPEG of more than {MOST_SCANS} scans" if scans > MOST_SCANS else None
+            problem = f"a JPEG of more than {MOST_SCANS} scans" if scans > MOST_SCANS else None
             return Header(*size, whole, channels, problem)
         length = int.from_bytes(content[at + 2 : at + 4], "big")
         if marker in SIZES and at + 10 <= len(content):
@@ -220,7 +220,7 @@ def _bmp(content: bytes) -> Header | None:
     height = abs(height)
     if width < 1 or height < 1 or bits not in BMP_BITS:
         return None
-    problem = None if compression in BMP_PLAIN else "is a compressed BMP"
+    problem = None if compression in BMP_PLAIN else "a compressed BMP"
     row = -(-width * bits // 32) * 4
     whole = 14 + size <= start and start + row * height <= len(content)
     return Header(width, height, whole or problem is not None, 4 if bits == 32 else 3, problem)
@@ -234,7 +234,7 @@ def _webp(content: bytes) -> Header | None:
     if kind == b"VP8X":
         width, height = (int.from_bytes(first[k : k + 3], "little") + 1 for k in (4, 7))
         if first[0] & 2:
-            problem = "is an animated WebP"
+            problem = "an animated WebP"
     elif kind == b"VP8L" and first[0] == 0x2F:
         bits = int.from_bytes(first[1:5], "little")
         width, height = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1

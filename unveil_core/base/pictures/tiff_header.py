@@ -62,13 +62,13 @@ def tiff_header(content: bytes) -> TiffHeader | None:
         return None
     problem = None
     if packed not in MOST_UNPACKED:
-        problem = f"is a TIFF packed in the way {packed}"
+        problem = f"a TIFF with compression {packed}"
     elif first(COLOURS, 1) not in COLOUR_KINDS:
-        problem = f"is a TIFF of the colours {first(COLOURS, 1)}"
+        problem = f"a TIFF with colours of kind {first(COLOURS, 1)}"
     elif not 1 <= channels <= MOST_CHANNELS or bits not in VALUE_BITS:
-        problem = f"is a TIFF of {channels} channels with {bits} bits"
+        problem = f"a TIFF of {channels} channels with {bits} bits"
     elif TILE_WIDTH in values and first(TILE_WIDTH, 0) * first(TILE_HEIGHT, 0) > max(4 * width * height, MOST_TILE):
-        problem = f"is a TIFF of tiles of {first(TILE_WIDTH, 0)}x{first(TILE_HEIGHT, 0)} pixels"
+        problem = f"a TIFF of tiles of {first(TILE_WIDTH, 0)}x{first(TILE_HEIGHT, 0)} pixels"
     stored = sum(values.get(TILE_LENGTHS) or values.get(LENGTHS) or (0,))
     needed = height * -(-width * bits * channels // 8)
     starts = values.get(TILE_STARTS) or values.get(STARTS) or (len(content),)

@@ -50,7 +50,7 @@ def read_dpx(path: Path) -> Plate:
             raise DriveError(f"has {what}", path=path, mend="export red, green and blue with 10, 12 or 16 bits")
         found = source.read_image(0, 0, 0, spec.nchannels, spec.format)
         if found is None:
-            raise DriveError(f"is damaged: {_problem(source)}", path=path, mend=COPY)
+            raise DriveError(f"Damaged: {_problem(source)}", path=path, mend=COPY)
     finally:
         source.close()
     pixels: NDArray[Any] = np.asarray(found).reshape(spec.height, spec.width, spec.nchannels)

@@ -119,7 +119,7 @@ def _readable(path: Path) -> Iterator[None]:
 def _parts(path: Path, *, header_only: bool) -> list[Any]:
     found = list(OpenEXR.File(str(path), separate_channels=True, header_only=header_only).parts)
     if not found:  # the library says no more of a file that is cut short
-        raise DriveError("is damaged or cut short", path=path, mend=COPY)
+        raise DriveError("Damaged or cut short", path=path, mend=COPY)
     return found
 
 

@@ -33,7 +33,7 @@ def read_plate(path: Path, size: tuple[int, int] | None = None) -> Plate:
     facts = plate_facts(path)
     if size is not None and facts.size != size:
         raise DriveError(
-            f"is {facts.size[0]}x{facts.size[1]} pixels, its camera says {size[0]}x{size[1]}",
+            f"Not the size of its camera: {facts.size[0]}x{facts.size[1]} pixels, the camera says {size[0]}x{size[1]}",
             path=path,
             mend="correct w and h, or give plates of that size",
         )
@@ -44,9 +44,9 @@ def _kind(path: Path) -> str:
     try:
         kind = kind_of(path)
     except FileNotFoundError as error:
-        raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
+        raise DriveError("Not found", path=path, mend="restore it or drop the frame") from error
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
     if kind is None:
-        raise DriveError("is no OpenEXR or DPX file", path=path, mend="export it again")
+        raise DriveError("Not an OpenEXR or DPX file", path=path, mend="export it again")
     return kind

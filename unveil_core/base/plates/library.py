@@ -37,7 +37,7 @@ def dpx_library(path: Path) -> Any:
         DriveError: it is not installed.
     """
     if find_spec("OpenImageIO") is None:
-        raise DriveError("is a DPX file, for which OpenImageIO is needed", path=path, mend=NEEDS)
+        raise DriveError("Not installed: OpenImageIO, which reads DPX files", path=path, mend=NEEDS)
     import OpenImageIO
 
     return OpenImageIO

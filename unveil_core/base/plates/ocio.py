@@ -24,7 +24,7 @@ MEND = "mend OCIO, or unset it for what the files say themselves"
 def _library(configuration: str) -> Any:
     if find_spec("PyOpenColorIO") is None:
         mend = "pip install '.[plates]' in the folder of Unveil, or unset OCIO"
-        raise SettingsError("OCIO names a configuration, but OpenColorIO is not installed", mend=mend)
+        raise SettingsError("Not installed: OpenColorIO, and OCIO names a configuration", mend=mend)
     import PyOpenColorIO
 
     return PyOpenColorIO
@@ -36,7 +36,7 @@ def _configuration(configuration: str) -> Any:
     try:
         return ocio.Config.CreateFromFile(configuration)
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        raise SettingsError(f"is no configuration of OpenColorIO: {error}", path=configuration, mend=MEND) from error
+        raise SettingsError(f"Not a configuration of OpenColorIO: {error}", path=configuration, mend=MEND) from error
 
 
 def space_of_file(configuration: str, path: Path, kind: str) -> str:

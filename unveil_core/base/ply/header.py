@@ -145,7 +145,7 @@ def _add_property(words: list[str], elements: list[Element]) -> None:
         return
     count, item = (KINDS[kind] for kind in kinds)
     if count.startswith("f"):
-        raise ValueError(f"its list {name[:40]} has a count that is no whole number")
+        raise ValueError(f"its list {name[:40]} counts by fractions")
     own[name] = ListOf(count, item)
 
 

@@ -183,7 +183,7 @@ def _rows_of_text(lines: Iterator[bytes], element: Element) -> NDArray[np.void]:
         with np.errstate(invalid="ignore", over="ignore"):
             table[name] = values[:, k]
         if kinds[name].kind in "iu" and not (table[name] == values[:, k]).all():
-            raise ValueError(f"{name[:40]} is no whole number of its kind")
+            raise ValueError(f"{name[:40]} has a value that its kind cannot hold")
     return table
 
 

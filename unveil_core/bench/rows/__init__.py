@@ -74,5 +74,5 @@ def chosen_rows(names: tuple[str, ...]) -> dict[str, Row]:
     """
     unknown = [name for name in names if name not in ROWS]
     if unknown:
-        raise SettingsError(f"no row is called {unknown[0]!r}", mend=f"use some of {', '.join(ROWS)}")
+        raise SettingsError(f"Not a row: {unknown[0]}", mend=f"use some of {', '.join(ROWS)}")
     return {name: row for name, row in ROWS.items() if not names or name in names}

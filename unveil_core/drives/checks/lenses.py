@@ -97,5 +97,5 @@ def other_focal_length(
     return Finding(
         f"points lie beside what the photographs show, and where they show it with a focal length of about {best * camera.fx:.0f} "
         f"pixels; that of camera {drive.frames[pairs[0].first].camera_name} is {camera.fx:.0f}",
-        "is it of another size of the pictures, or half an angle of view? correct it",
+        "correct it: it may belong to another size of the pictures, or be half an angle of view",
     )

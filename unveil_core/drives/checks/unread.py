@@ -47,13 +47,11 @@ class _Place:
 
 
 def _missing(what: str, part: str, mend: str) -> Unread:
-    return Unread(f"is {what} without {part}", mend)
+    return Unread(f"Not complete: {what} without {part}", mend)
 
 
 def _nerfstudio(what: str, verb: str) -> Unread:
-    return Unread(
-        f"is {what}, which is not read", f"ns-process-data {verb} of nerfstudio makes a transforms.json of it"
-    )
+    return Unread(f"Not read: {what}", f"ns-process-data {verb} of nerfstudio makes a transforms.json of it")
 
 
 NUSCENES = ("samples/CAM_FRONT", "samples/LIDAR_TOP", "sweeps/LIDAR_TOP", "sweeps/CAM_FRONT")
@@ -61,7 +59,7 @@ KNOWN: tuple[tuple[Callable[[_Place], bool], Unread], ...] = (
     (
         lambda p: p.any_of(".tfrecord") or any(p.path.glob("*/*.tfrecord")),
         Unread(
-            "is Waymo Open version 1 (.tfrecord), which is not read",
+            "Not read: Waymo Open version 1 (.tfrecord)",
             "download version 2 (Parquet), or prepare it with DriveStudio, Street Gaussians or neuralsim, whose layouts are read",
         ),
     ),
@@ -76,21 +74,21 @@ KNOWN: tuple[tuple[Callable[[_Place], bool], Unread], ...] = (
     (
         lambda p: p.any_of(".psx", ".psz"),
         Unread(
-            "is a project of Metashape, which is not read",
+            "Not read: a project of Metashape",
             "File > Export > Export Cameras writes a cameras.xml, which is read with the photographs beside it",
         ),
     ),
     (
         lambda p: p.any_of(".rcproj", ".rsproj"),
         Unread(
-            "is a project of RealityScan, which is not read",
+            "Not read: a project of RealityScan",
             "export Internal/External camera parameters as cameras.csv, which is read with the pictures beside it",
         ),
     ),
     (
         lambda p: p.any_of(*BY_BLENDER) and not p.has("sparse"),
         Unread(
-            "is a scene of another program, which Blender reads",
+            "Not read here: a scene of another program, which Blender reads",
             "import it there, put the plates behind the camera and press Use This Shot, or: blender --background --command "
             "unveil shot FILE --plates PLATE.1001.exr -o DRIVE",
         ),
@@ -101,13 +99,11 @@ KNOWN: tuple[tuple[Callable[[_Place], bool], Unread], ...] = (
     ),
     (
         lambda p: p.has("reconstruction.json"),
-        Unread("is a reconstruction of OpenSfM, which is not read", "opensfm export_colmap makes a COLMAP model of it"),
+        Unread("Not read: a reconstruction of OpenSfM", "opensfm export_colmap makes a COLMAP model of it"),
     ),
     (
         lambda p: p.any_of(".nvm", "bundle.out", "bundle.rd.out"),
-        Unread(
-            "is a model of VisualSFM or Bundler, which is not read", "import it into COLMAP and export a model there"
-        ),
+        Unread("Not read: a model of VisualSFM or Bundler", "import it into COLMAP and export a model there"),
     ),
     (
         lambda p: p.has("poses_bounds.npy"),
@@ -116,7 +112,7 @@ KNOWN: tuple[tuple[Callable[[_Place], bool], Unread], ...] = (
     (
         lambda p: p.any_of(".bag", ".mcap", ".db3"),
         Unread(
-            "is a ROS bag, which is not read",
+            "Not read: a ROS bag",
             "export its pictures, poses and points, and name them in a transforms.json",
         ),
     ),

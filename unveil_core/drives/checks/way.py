@@ -71,7 +71,10 @@ def _steps(drive: Drive) -> list[Finding]:
         if len(frames) > 1 and not (np.ptp(centres, axis=0) > STILL * np.abs(centres).max(initial=1.0)).any():
             name = frames[0].camera_name
             found.append(
-                Finding(f"all {len(frames)} frames of camera {name} are at one place", "are their poses missing?")
+                Finding(
+                    f"all {len(frames)} frames of camera {name} are at one place",
+                    "add their poses, which may be missing",
+                )
             )
         steps = np.linalg.norm(np.diff(centres, axis=0), axis=1)
         usual = float(np.median(steps[steps > 0])) if (steps > 0).sum() > 2 else 0.0

@@ -31,7 +31,7 @@ def read_floats(path: Path, columns: int | None) -> NDArray[np.float32]:
     try:
         size = path.stat().st_size
         if size % (4 * width):
-            problem = f"is cut short: {size} bytes are no rows of {width} numbers"
+            problem = f"Cut short: {size} bytes do not make rows of {width} numbers"
             raise DriveError(problem, path=path, mend=MEND)
         with open_file(path, LARGEST_FILE) as stream:
             values = np.fromfile(stream, dtype="<f4")
@@ -52,4 +52,4 @@ def read_archive(path: Path, names: Sequence[str]) -> list[NDArray[Any]]:
     except KeyError as error:
         raise DriveError(f"lacks an array: {error.args[0]}", path=path, mend=MEND) from error
     except NO_ARCHIVE as error:
-        raise DriveError(f"is no archive of arrays: {error}", path=path, mend=MEND) from error
+        raise DriveError(f"Not an archive of arrays: {error}", path=path, mend=MEND) from error

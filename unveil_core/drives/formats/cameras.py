@@ -59,14 +59,14 @@ def rigid(matrix: object, path: Path, what: str) -> Float64:
     except (TypeError, ValueError, OverflowError):
         values = np.zeros(0)
     if values.size not in (12, 16):
-        raise DriveError(f"{what} is not a 4x4 or 3x4 matrix", path=path)
+        raise DriveError(f"Not a 4x4 or 3x4 matrix: {what}", path=path)
     found = np.eye(4)
     found[: values.size // 4] = values.reshape(-1, 4)
     if not np.isfinite(found).all():
         raise DriveError(f"{what} holds NaN or infinity", path=path, mend="download it again or drop the frame")
     rotation, error = nearest_rotation(found[:3, :3])
     if error > ROTATION_TOLERANCE:
-        raise DriveError(f"{what} is no rotation (off by {error:.3g})", path=path)
+        raise DriveError(f"Not a rotation: {what} (off by {error:.3g})", path=path)
     found[:3, :3] = rotation
     found[3] = (0, 0, 0, 1)
     return found
@@ -80,7 +80,9 @@ def pose_of(quat: Sequence[float] | Float64, position: Sequence[float] | Float64
     """
     q, t = np.asarray(quat, dtype=np.float64), np.asarray(position, dtype=np.float64)
     if q.shape != (4,) or t.shape != (3,) or not np.isfinite([*q, *t]).all() or not 1e-9 < np.linalg.norm(q) < 1e9:
-        raise DriveError(f"{what} is no quaternion and position", path=path, mend="download it again or drop the frame")
+        raise DriveError(
+            f"Not a quaternion and position: {what}", path=path, mend="download it again or drop the frame"
+        )
     pose = np.eye(4)
     pose[:3, :3] = quat_to_rotation(q)
     pose[:3, 3] = t
@@ -126,7 +128,7 @@ def picture_size(path: Path, content: Callable[[], bytes] | None = None) -> tupl
             if format_of(data) != "PNG":
                 data += stream.read()
     except OSError as error:
-        raise DriveError("there is no such readable image", path=path, mend="restore it or drop the frame") from error
+        raise DriveError("Not found, or not readable", path=path, mend="restore it or drop the frame") from error
     return size_of_image(data, path)
 
 
@@ -140,7 +142,7 @@ def read_numbers(path: Path, mend: str) -> list[list[float]]:
     try:
         return [[float(word) for word in line.split()] for line in lines if line.strip()]
     except ValueError as error:
-        raise DriveError(f"holds a line that is not numbers: {error}", path=path, mend=mend) from error
+        raise DriveError(f"Not numbers in a line: {error}", path=path, mend=mend) from error
 
 
 class TrackIds:

@@ -123,7 +123,7 @@ def read_kitti360(path: Path, scene: str = ".") -> Drive:
     in_imu = read_calibration(to_pose, dict.fromkeys({*camera_names, "image_00"}, 12), MEND_CALIBRATION)
     pose_file = root / "data_poses" / name / "poses.txt"
     poses, unusable = _poses(pose_file)
-    notices = left_out("poses", unusable, unusable + len(poses), "are NaN or no rotation: their frames are left out")
+    notices = left_out("poses", unusable, unusable + len(poses), "have NaN or no rotation: their frames are left out")
     bounding = next((p for p in sorted(root.glob(f"data_3d_bboxes/*/{name}.xml"))), None)
     boxes = {} if bounding is None else _boxes_of_frames(read_boxes_360(bounding), poses)
     frames: list[Frame] = []
@@ -199,12 +199,12 @@ def _bare(path: Path) -> Float64:
 def _poses(path: Path) -> tuple[dict[int, Float64], int]:
     """Poses (4, 4) of the IMU by frame number, and how many lines hold none."""
     if not path.is_file():
-        raise DriveError("there are no poses of this sequence", path=path, mend=MEND_POSES)
+        raise DriveError("Not found: poses of this sequence", path=path, mend=MEND_POSES)
     poses: dict[int, Float64] = {}
     lines = read_numbers(path, MEND_POSES)
     for line in lines:
         if len(line) != 13 or not 0 <= line[0] < 1e9 or line[0] != int(line[0]):
-            raise DriveError("holds a line that is no frame number and 12 numbers", path=path, mend=MEND_POSES)
+            raise DriveError("Not a frame number and 12 numbers: a line in it", path=path, mend=MEND_POSES)
         pose = usable_pose(line[1:], path)
         if pose is not None:
             poses[int(line[0])] = pose

@@ -93,7 +93,7 @@ def read_kitti_odometry(path: Path, scene: str = ".") -> Drive:
     if not names:
         raise DriveError("has no photographs", path=root, mend="download data_odometry_color.zip, too")
     poses, unusable, pose_file = _poses(root)
-    notices = left_out("poses", unusable, unusable + len(poses), "are NaN or no rotation: their frames are left out")
+    notices = left_out("poses", unusable, unusable + len(poses), "have NaN or no rotation: their frames are left out")
     sweep_files = numbered(root / "velodyne", (".bin",))
     calib = root / "calib.txt"
     counts = {f"P{name[-1]}": 12 for name in names} | ({"Tr": 12} if sweep_files else {})
@@ -168,7 +168,7 @@ def _classes(path: Path, count: int) -> NDArray[np.uint8]:
         with open_file(path, LARGEST_FILE) as stream:
             labels = np.fromfile(stream, dtype="<u4")
     except OSError as error:
-        raise DriveError("there is no such readable file of labels", path=path, mend="restore it") from error
+        raise DriveError("Not found, or not readable: labels", path=path, mend="restore it") from error
     if len(labels) != count:
         raise DriveError(f"labels {len(labels)} points, the sweep has {count}", path=path, mend="download both again")
     return OF_LABEL[labels & 0xFFFF]

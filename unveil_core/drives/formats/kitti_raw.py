@@ -87,7 +87,7 @@ def read_kitti_raw(path: Path, scene: str = ".") -> Drive:
     """
     root = path / scene
     if absolute(root).name.endswith("_extract"):
-        problem = "is the recording before synchronization and rectification"
+        problem = "Not read: the recording before synchronization and rectification"
         raise DriveError(problem, path=root, mend="use the drive's folder that ends in _sync")
     folder = _calibration_folder(root)
     names = [c for c in CAMERAS if pictures(root / c / "data")]

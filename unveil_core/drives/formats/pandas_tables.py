@@ -78,7 +78,7 @@ def read_table(path: Path) -> dict[str, NDArray[Any]]:
     try:
         return _columns(frame)
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        raise DriveError(f"is no table of pandas: {error}", path=path, mend="download it again") from error
+        raise DriveError(f"Not a table of pandas: {error}", path=path, mend="download it again") from error
 
 
 def _columns(frame: Any) -> dict[str, NDArray[Any]]:

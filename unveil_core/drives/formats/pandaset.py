@@ -146,7 +146,7 @@ def _numbered(folder: Path, endings: Sequence[str]) -> dict[str, Path]:
 def _list(path: Path) -> list[Any]:
     content = read_json(path)
     if not isinstance(content, list):
-        raise DriveError("is no list", path=path, mend="download it again")
+        raise DriveError("Not a list", path=path, mend="download it again")
     return content
 
 
@@ -232,7 +232,7 @@ def _points(path: Path, labels: Path | None) -> SweepPoints:
     try:
         positions = np.stack([found[a].astype(np.float64) for a in "xyz"], axis=1)
     except (KeyError, ValueError) as error:
-        raise DriveError(f"is no sweep: {error}", path=path, mend="download it again") from error
+        raise DriveError(f"Not a sweep: {error}", path=path, mend="download it again") from error
     finite = np.isfinite(positions).all(axis=1)
     return SweepPoints(positions[finite], None if labels is None else _classes(labels, len(positions))[finite])
 

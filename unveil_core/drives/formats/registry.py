@@ -206,15 +206,15 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
     """
     path, options = Path(path), options or DriveOptions()
     if not path.exists():
-        raise DriveError("there is no such drive", path=path, mend="check the path")
+        raise DriveError("Not found", path=path, mend="check the path")
     kind = next((f for f in FORMATS if f.recognizes(path)), None)
     if kind is None:
         if (known := unread(path)) is not None:
             raise DriveError(known.problem, path=path, mend=known.mend)
         if path.is_file():
-            raise DriveError("is no drive", path=path, mend="give a transforms.json or a folder")
+            raise DriveError("Not a drive", path=path, mend="give a transforms.json or a folder")
         looked_for = "; ".join(f.looked_for for f in FORMATS)
-        raise DriveError("holds no drive", path=path, mend=f"looked for: {looked_for}")
+        raise DriveError("Not a drive", path=path, mend=f"looked for: {looked_for}")
     if kind.scenes is None and options.scene is not None:
         raise SettingsError(f"a drive of {kind.name} is one scene", mend="leave --scene out")
     if not kind.models and options.model is not None:

@@ -341,11 +341,11 @@ def read_admitted(path: Path, admitted: Mapping[tuple[str, str], Any]) -> Any:
             file.seek(0)
             content = _all_of(gzip.GzipFile(fileobj=file) if packed else file, most)
     except FileNotFoundError as error:
-        raise DriveError("there is no such file", path=path, mend="download it again") from error
+        raise DriveError("Not found", path=path, mend="download it again") from error
     except (OSError, EOFError, zlib.error) as error:
-        raise DriveError(f"is cut short or damaged: {error}", path=path, mend="download it again") from error
+        raise DriveError(f"Cut short or damaged: {error}", path=path, mend="download it again") from error
     if len(content) > most:
-        raise DriveError(f"unpacks to more than {most >> 20:,} MB", path=path, mend="this is no file of the dataset")
+        raise DriveError(f"unpacks to more than {most >> 20:,} MB", path=path, mend="download it again")
     return _unpickled(io.BytesIO(content), admitted, path)
 
 
@@ -370,7 +370,7 @@ def _unpickled(stream: io.BytesIO, admitted: Mapping[tuple[str, str], Any], path
     except MemoryError as error:
         raise DriveError("asks for more memory than there is", path=path, mend="download it again") from error
     except Exception as error:  # whatever a damaged or hostile pickle makes go wrong is that file's fault
-        raise DriveError(f"is no pickle that can be read: {error}", path=path, mend="download it again") from error
+        raise DriveError(f"Not a readable pickle: {error}", path=path, mend="download it again") from error
     finally:
         _made_bytes.reset(counted)
 
@@ -394,9 +394,7 @@ def read_archived_object(path: Path, name: str) -> Any:
         with open_file(path) as file, zipfile.ZipFile(file) as packed:
             about = packed.getinfo(f"{name}.npy")
             if about.file_size > _most_of(about.compress_size):
-                raise DriveError(
-                    f"unpacks to {about.file_size >> 20:,} MB", path=path, mend="this is no file of the dataset"
-                )
+                raise DriveError(f"unpacks to {about.file_size >> 20:,} MB", path=path, mend="download it again")
             stream = io.BytesIO(packed.read(f"{name}.npy"))
         version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -404,10 +402,10 @@ def read_archived_object(path: Path, name: str) -> Any:
     except KeyError as error:
         raise DriveError(f"lacks an array: {error.args[0]}", path=path, mend="make it again") from error
     except NO_ARCHIVE as error:
-        raise DriveError(f"is no archive of arrays: {error}", path=path, mend="make it again") from error
+        raise DriveError(f"Not an archive of arrays: {error}", path=path, mend="make it again") from error
     if shape != () or not kind.hasobject:
-        raise DriveError(f"{name} is an array of {shape} {kind}, no object", path=path, mend="make it again")
+        raise DriveError(f"Not an object: {name} holds an array of {shape} {kind}", path=path, mend="make it again")
     held = _unpickled(stream, ARRAYS, path)
     if not isinstance(held, np.ndarray) or held.shape != ():
-        raise DriveError(f"{name} is no object", path=path, mend="make it again")
+        raise DriveError(f"Not an object: {name}", path=path, mend="make it again")
     return held.item()

@@ -42,7 +42,7 @@ MOST_GROUP_BYTES = 1 << 31
 MOST_UNPACKED = 64
 """Bytes that a byte of such a group unpacks to at most, beyond the first ``MOST_BYTES``. Photographs and ranges make 1 to 10."""
 AGAIN = "download it again"
-NO_TABLE = "this is no file of the dataset"
+NO_TABLE = "download it again"
 
 
 @contextmanager
@@ -56,11 +56,11 @@ def _reading(path: Path) -> Iterator[Any]:
     try:
         yield arrow
     except FileNotFoundError as error:
-        raise DriveError("there is no such file", path=path, mend=AGAIN) from error
+        raise DriveError("Not found", path=path, mend=AGAIN) from error
     except MemoryError as error:  # pyarrow's own is one, and a damaged length asks for anything
         raise DriveError("asks for more memory than there is", path=path, mend=AGAIN) from error
     except (arrow.ArrowException, OSError, EOFError, UnicodeDecodeError, ValueError) as error:
-        raise DriveError(f"is cut short or damaged: {error}", path=path, mend=AGAIN) from error
+        raise DriveError(f"Cut short or damaged: {error}", path=path, mend=AGAIN) from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,7 +55,7 @@ def _up_told(keys: Keys) -> Float64 | None:
     except (TypeError, ValueError, OverflowError):
         up = np.zeros(0)
     if up.shape != (3,) or not np.isfinite(up).all() or not up.any():
-        raise DriveError("up is no direction", path=keys.path, mend="three numbers, as [0, 0, 1]")
+        raise DriveError("Not a direction: up", path=keys.path, mend="three numbers, as [0, 0, 1]")
     up = up / np.abs(up).max()  # squares of the largest and smallest numbers are none
     return np.asarray(up / np.linalg.norm(up))
 
@@ -65,7 +65,7 @@ def _depth_unit(keys: Keys, frames: Sequence[Frame], notices: list[str]) -> floa
     own = keys.number("integer_depth_scale") if keys.get("depth_unit_scale_factor") is None else None
     if own is not None:
         if own <= 0:
-            raise DriveError(f"integer_depth_scale {own:g} is not positive", path=keys.path, mend="0.001 is usual")
+            raise DriveError(f"Not above 0: integer_depth_scale {own:g}", path=keys.path, mend="0.001 is usual")
         return own
     first = next(f.depth_path for f in frames if f.depth_path is not None and f.depth_path.is_file())
     unit = keys.number("depth_unit_scale_factor")
@@ -73,7 +73,7 @@ def _depth_unit(keys: Keys, frames: Sequence[Frame], notices: list[str]) -> floa
         unit = assumed_unit(first)
         notices.append(f"depth images are taken to count {unit:g} m; depth_unit_scale_factor decides")
     if unit <= 0:
-        raise DriveError(f"depth_unit_scale_factor {unit:g} is not positive", path=keys.path, mend="0.001 is usual")
+        raise DriveError(f"Not above 0: depth_unit_scale_factor {unit:g}", path=keys.path, mend="0.001 is usual")
     return unit * (keys.number("applied_scale") or 1.0)
 
 
@@ -113,7 +113,9 @@ def read_transforms_json(path: Path, pose_convention: str | None = None) -> Driv
     path, top = parts[0]
     keys = Keys({}, top, path)
     if "applied_scale" in top and not _is_scale(top["applied_scale"]):
-        raise DriveError(f"applied_scale is no scale: {str(top['applied_scale'])[:40]!r}", path=path, mend="correct it")
+        raise DriveError(
+            f"Not a scale: applied_scale is {str(top['applied_scale'])[:40]!r}", path=path, mend="correct it"
+        )
     pose_convention = pose_convention or OPENGL
     turned = [(file, *turned_upright(held["frames"])) for file, held in parts]
     notices += [line for *_, line in turned if line is not None][:1]

@@ -65,7 +65,7 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> Checked:
         _check_lens(frame, drive.root)
         if frame.timestamp is not None and not abs(frame.timestamp) <= LATEST_S:
             mend = "give seconds, or leave time stamps out"
-            raise DriveError(f"{frame.timestamp:g} is no time stamp (frame {frame.name})", path=drive.root, mend=mend)
+            raise DriveError(f"Not a time stamp: {frame.timestamp:g} (frame {frame.name})", path=drive.root, mend=mend)
         photograph(frame)
         if frame.semantic_path is not None:
             classes[done] = np.bincount(semantics_of(frame, strict=True).ravel(), minlength=256)
@@ -82,7 +82,7 @@ def _check_pose(frame: Frame, root: Path) -> None:
     if not np.isfinite(pose).all():
         raise DriveError(f"the pose of frame {frame.name} holds NaN or infinity", path=root, mend="redo its pose")
     if nearest_rotation(pose[:3, :3])[1] > 1e-3:
-        raise DriveError(f"the pose of frame {frame.name} is no rotation", path=root, mend="poses are rigid")
+        raise DriveError(f"Not a rotation: the pose of frame {frame.name}", path=root, mend="poses are rigid")
 
 
 def _check_lens(frame: Frame, root: Path) -> None:

@@ -92,7 +92,7 @@ def is_of_other_size(path: Path, frame: Frame) -> bool:
         return False
     if is_clean_ratio(wanted, found) and 1 / MOST_TIMES <= found[0] / wanted[0] <= MOST_TIMES:
         return True
-    problem = f"is {found[0]}x{found[1]} pixels, its camera says {wanted[0]}x{wanted[1]}"
+    problem = f"Not the size of its camera: {found[0]}x{found[1]} pixels, the camera says {wanted[0]}x{wanted[1]}"
     raise DriveError(problem, path=path, mend="export it at the size of its photograph, or another one of its shape")
 
 
@@ -214,7 +214,7 @@ def instances(values: Values, code: InstanceCode, path: Path) -> NDArray[np.uint
     else:
         found = ids_of(values)
         if found is None:
-            raise DriveError("is not a one-channel image", path=path, mend="instances are 16-bit PNGs of ids")
+            raise DriveError("Not an image of one channel", path=path, mend="instances are 16-bit PNGs of ids")
         ids = found.astype(np.int64)
     if code.divisor > 1:
         own = (ids >= code.divisor) & ((ids % code.divisor > 0) | (not code.zero_is_none))

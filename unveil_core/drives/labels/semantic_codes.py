@@ -75,7 +75,7 @@ def semantic_code(samples: Sequence[Sample], given: str | None = None) -> tuple[
         return _by_colours(samples)
     if any(s.ids is None for s in samples):
         odd = next(s for s in samples if s.ids is None)
-        problem = "is a picture in colours, and other label pictures hold numbers"
+        problem = "Colours here, and numbers in other label pictures"
         raise DriveError(problem, path=odd.path, mend="make all of one kind")
     if any(s.small.lossy for s in samples):
         odd = next(s for s in samples if s.small.lossy)
@@ -95,7 +95,7 @@ def _given(samples: Sequence[Sample], order: str) -> SemanticCode:
     found = _Reading.best_palette(samples, code)
     if found is None:
         strays = _strays(samples, code)
-        problem = f"is no picture of {order}: it holds " + (
+        problem = f"Not a picture of {order}: it holds " + (
             ", ".join(map(str, strays[:4])) if len(strays) else "colours"
         )
         raise DriveError(problem, path=samples[0].path, mend="name another one by --label-classes")
@@ -172,8 +172,8 @@ def _by_numbers(samples: Sequence[Sample]) -> tuple[SemanticCode, str | None]:
         and alone.likeness > others + CLEARLY
     ):
         listed = ", ".join(map(str, strays[:4]))
-        return plain, f"labels hold {listed}, which are no trainIds, on {share:.1%} of the pixels: they count as void"
-    problem = f"holds {', '.join(map(str, strays[:4]))}, which are no Cityscapes trainIds"
+        return plain, f"labels hold {listed}, which are not trainIds, on {share:.1%} of the pixels: they count as void"
+    problem = f"holds {', '.join(map(str, strays[:4]))}, which no Cityscapes class has as trainId"
     fitting = ", ".join(ORDER_NAMES[r.code.order] for r in known)
     raise DriveError(problem + (f" (they could be {fitting})" if fitting else ""), path=samples[0].path, mend=MEND)
 
@@ -221,7 +221,7 @@ def _by_colours(samples: Sequence[Sample]) -> tuple[SemanticCode, str | None]:
         which = ", ".join(
             f"{share:.0%} of {ORDER_NAMES[name].removeprefix('colours of ')}" for name, share in shares.items()
         )
-        problem = f"is a picture in colours that mean no known classes (of its pixels {which})"
+        problem = f"Colours that mean no known classes (of its pixels {which})"
         raise DriveError(problem, path=samples[0].path, mend=MEND)
     turned = " with red and blue exchanged" if code.blue_first else ""
     return code, f"labels are taken for {ORDER_NAMES[order]}{turned}; --label-classes decides"

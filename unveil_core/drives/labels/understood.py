@@ -78,5 +78,5 @@ def _sizes(frames: Sequence[Frame]) -> list[str]:
             if path is not None and frame is not None and is_of_other_size(path, frame):
                 width, height = picture_size(path)
                 size, shown = "x".join(map(str, picture_size(path))), f"{frame.camera.width}x{frame.camera.height}"
-                told.append(f"{KINDS[kind]} are {size} pixels, photographs {shown}: they are scaled")
+                told.append(f"{KINDS[kind]} of {size} pixels are scaled to the {shown} of photographs")
     return told

@@ -325,7 +325,7 @@ def _told_one(grouping: _Grouping, shots: Sequence[Shot], decides: str) -> str:
     else:
         focals = [s.focal for s in shots]
         what = f"pictures of {len(labels)} focal lengths, {min(focals):.1f} to {max(focals):.1f} pixels,"
-    return f"{what} are taken for those of one camera: they follow each other on one path; {decides} decides"
+    return f"{what} count as those of one camera: they follow each other on one path; {decides} decides"
 
 
 def _some(names: Sequence[str]) -> str:

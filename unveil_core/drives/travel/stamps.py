@@ -116,7 +116,7 @@ def _in(kind: Unit, stamp: float | None) -> float | None:
 def _told(kind: Unit, stamps: Sequence[Sequence[float | None]], what: str) -> str:
     step = _step(stamps)
     why = f"their steps would be {_plain(step)} s" if step > 0 else "they have too many digits for seconds"
-    return f"{what} are taken as {kind.name} and converted: {why}"
+    return f"{what} count as {kind.name} and are converted: {why}"
 
 
 def _plain(number: float) -> str:

@@ -364,7 +364,7 @@ def seen_places(
             else (f"of {len(places)} free places none is well seen by {LEAST_FRAMES} frames")
         )
         raise WorkspaceError(
-            f"there is no room for a virtual car: {seen}", mend="give a drive with more frames or open ground beside it"
+            f"No room for a virtual car: {seen}", mend="give a drive with more frames or open ground beside it"
         )
     return sorted(found, key=lambda place: -place.value)
 

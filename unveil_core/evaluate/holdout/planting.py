@@ -92,7 +92,7 @@ def read_scene(
     street = read_ground(workspace.ground_npz).street
     if street is None:
         raise WorkspaceError(
-            "there is no room for a virtual car: no ground was found",
+            "No room for a virtual car: no ground was found",
             path=workspace.root,
             mend="give a drive that shows the street",
         )

@@ -38,11 +38,11 @@ def wkt_of(epsg: str, drive: Drive) -> str | None:
     codes = CODES.fullmatch(epsg.strip())
     if codes is None:
         raise SettingsError(
-            f"--epsg {epsg[:40]!r} is no EPSG code", mend="give a number, as 25832, or two, as 25832+7837"
+            f"Not an EPSG code: --epsg {epsg[:40]}", mend="give a number, as 25832, or two, as 25832+7837"
         )
     if find_spec("pyproj") is None:
         mend = "pip install '.[exports]' in the folder of Unveil, or leave --epsg out"
-        raise SettingsError("--epsg needs the library pyproj, which is not installed", mend=mend)
+        raise SettingsError("Not installed: pyproj, which --epsg needs", mend=mend)
     import pyproj
 
     name = "EPSG:" + "+".join(code for code in codes.groups() if code)
@@ -57,7 +57,7 @@ def wkt_of(epsg: str, drive: Drive) -> str | None:
         text = system.to_wkt("WKT1_GDAL")
     except pyproj.exceptions.CRSError as error:
         raise SettingsError(
-            f"{name} is not a coordinate system that can be written", mend="look the code up at epsg.io"
+            f"Not a coordinate system that can be written: {name}", mend="look the code up at epsg.io"
         ) from error
     if not text:
         raise SettingsError(
@@ -76,7 +76,7 @@ def _check(system: Any, name: str, drive: Drive) -> None:
     if abs(metres / theirs - 1) > UNIT_OFF:
         raise SettingsError(f"a unit of the drive is {metres:.4g} m, one of {name} is {theirs:.4g} m", mend=mend)
     if place.up[2] < UP_Z:
-        raise SettingsError(f"up is not z in the drive's coordinates, as it is in {name}", mend=mend)
+        raise SettingsError(f"Up differs: {name} has z up, and the drive's coordinates do not", mend=mend)
     area = system.area_of_use
     if area is None:
         return

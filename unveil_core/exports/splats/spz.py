@@ -69,10 +69,10 @@ def check_spz(version: int) -> None:
         SettingsError: no such version, or it needs a library that is not installed.
     """
     if version not in SPZ_VERSIONS:
-        raise SettingsError(f"--spz {version} is no version that is written", mend="use 2, 3 or 4")
+        raise SettingsError(f"Not a version that is written: --spz {version}", mend="use 2, 3 or 4")
     if version >= 4 and find_spec("zstandard") is None:
         mend = "pip install '.[exports]' in the folder of Unveil, or use --spz 3"
-        raise SettingsError("SPZ 4 needs the library zstandard, which is not installed", mend=mend)
+        raise SettingsError("Not installed: zstandard, which SPZ 4 needs", mend=mend)
 
 
 def write_spz(job: Job, path: Path) -> None:
@@ -84,7 +84,7 @@ def write_spz(job: Job, path: Path) -> None:
     frame = y_up(job.drive)
     there = placed(job.scene, frame.shifted)
     if len(there) and float(there.means.abs().max()) >= 2**22:
-        raise SettingsError("is too far from its origin for SPZ", path=job.workspace.root, mend="export splat-ply")
+        raise SettingsError("Too far from its origin for SPZ", path=job.workspace.root, mend="export splat-ply")
     content = packed(there, three_log_scales(there, frame.from_local.scale).numpy(), job.spz_version)
     write_json_atomic(sidecar(path), {**frame.to_json(), "colorspace": job.colorspace})
     write_bytes_atomic(path, content)

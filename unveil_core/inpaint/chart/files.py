@@ -61,5 +61,5 @@ def read_chart_sources(path: Path) -> ChartSources | None:
         if source.shape != label.shape or source.ndim != 2 or place.shape != (3,) or not np.isfinite(place).all():
             raise ValueError("arrays of other shapes")
     except NO_ARCHIVE as error:
-        raise WorkspaceError(f"is no chart: {error}", path=path, mend="run `unveil inpaint` again") from error
+        raise WorkspaceError(f"Not a chart: {error}", path=path, mend="run `unveil inpaint` again") from error
     return ChartSources(source, label, *(float(v) for v in place)) if source.size else None

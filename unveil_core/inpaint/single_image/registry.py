@@ -80,7 +80,7 @@ def inpainter(name: str) -> SingleImageInpainter:
     if is_file(name):
         return load_single_image(Path(name))
     if name not in BUILT_IN:
-        raise SettingsError(f"unknown inpainter {name!r}", mend=f"use one of {', '.join(INPAINTERS)}, or FILE.onnx")
+        raise SettingsError(f"Not an inpainter: {name}", mend=f"use one of {', '.join(INPAINTERS)}, or FILE.onnx")
     return BUILT_IN[name]
 
 

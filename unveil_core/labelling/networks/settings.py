@@ -76,7 +76,7 @@ def read_settings(network: Path) -> NetworkSettings:
     except FileNotFoundError:
         return NetworkSettings(path)
     except (OSError, ValueError, RecursionError) as error:
-        raise SettingsError(f"is not readable TOML: {error}", path=path) from error
+        raise SettingsError(f"Not readable TOML: {error}", path=path) from error
     given: dict[str, Any] = {}
     for key, value in content.items():
         if key not in CHECKS:

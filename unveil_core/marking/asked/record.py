@@ -135,7 +135,7 @@ def _recorded(entry: Any) -> Recorded:
     written = {str(key): str(value) for key, value in entry["written"].items()}
     folder = str(entry["folder"])
     if not folder.replace("-", "_").replace("_", "a").isalnum():
-        raise ValueError(f"{folder[:40]!r} is no name of a folder")
+        raise ValueError(f"not the name of a folder: {folder[:40]!r}")
     return Recorded(str(entry["name"]), folder, int(entry["id"]), frames, written, bool(entry["moves"]))
 
 

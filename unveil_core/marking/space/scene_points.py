@@ -24,7 +24,7 @@ MOST_POINTS = 400_000
 """Points that are looked at from every frame, however long the drive is; more are thinned."""
 ABOVE_GROUND_M = 0.08
 """Points no higher over the ground than this, metres, are the ground's. With 0.15 wheels lose their lowest points, outlines of
-the sample scenes 1 % (``benchmarks/clicks.py``)."""
+the sample scenes 1 % (``benchmarks/input/clicks.py``)."""
 OWN_WIDTH_M, OWN_LENGTH_M = 1.2, 3.0
 """Points no farther aside of the cameras' way than half a vehicle's width, metres, are of the vehicle itself, which LiDARs measure,
 too; so are those that lie this far before its last place and behind its first, about as high as the cameras: of its roof."""

@@ -53,7 +53,7 @@ def arithmetic_for(kernels: str, device: torch.device) -> Arithmetic:
         ValueError: an unknown name, or the fused kernels on another device than the processor.
     """
     if kernels not in KERNELS:
-        raise ValueError(f"unknown kernels {kernels!r}; there are {', '.join(KERNELS)}")
+        raise ValueError(f"not kernels: {kernels!r}; use {', '.join(KERNELS)}")
     if kernels == "fused" and device.type != "cpu":
         raise ValueError(f"the fused kernels work on the processor, not on {device}")
     return FUSED if kernels == "fused" or (kernels == "auto" and device.type == "cpu") else TORCH

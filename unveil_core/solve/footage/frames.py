@@ -76,4 +76,4 @@ def read_reel(path: Path) -> Reel:
         size = (int(held["size"][0]), int(held["size"][1]))
         return Reel(**{**held, "frames": frames, "size": size, "notices": tuple(held["notices"])})
     except (TypeError, KeyError, ValueError, AttributeError, IndexError) as error:
-        raise DriveError("is damaged", path=path, mend="delete it and run again") from error
+        raise DriveError("Damaged", path=path, mend="delete it and run again") from error

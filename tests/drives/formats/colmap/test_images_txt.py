@@ -70,7 +70,7 @@ def test_a_damaged_line_is_not_taken_for_observations(tmp_path: Path) -> None:
     lines = path.read_text().splitlines()
     lines[4] = lines[4].replace(lines[4].split()[3], "x")
     path.write_text("\n".join(lines))
-    with pytest.raises(DriveError, match=r"images.txt: line 5: qw qx qy qz tx ty tz are numbers"):
+    with pytest.raises(DriveError, match=r"images.txt: line 5: expected numbers for qw qx qy qz tx ty tz"):
         open_drive(tmp_path)
 
 

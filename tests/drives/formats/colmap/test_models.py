@@ -41,7 +41,7 @@ def test_the_largest_is_taken_and_the_others_are_told(tmp_path: Path) -> None:
     drive = open_drive(three(tmp_path))
     assert [f.name for f in drive.frames] == [n[:3] for n in NAMES[2:9]]
     assert drive.notices == (
-        "there are 3 models, 0 (3 pictures), 1 (7 pictures), 2 (6 pictures): 1 is taken, without 5 pictures that only others have; "
+        "found 3 models, 0 (3 pictures), 1 (7 pictures), 2 (6 pictures): 1 is taken, without 5 pictures that only others have; "
         "--model N decides; --model 1,2 joins those that share pictures",
         "images/ holds 12 pictures, the model has poses of 7 of them: 5 are not read, the first 000.png",
     )
@@ -98,8 +98,8 @@ def test_the_first_of_equal_ones_is_taken(tmp_path: Path) -> None:
     [
         ("7", r"has no model 7 .it has 0 .3 pictures., 1 .7 pictures., 2 .6 pictures.."),
         ("0,2", "model 2 of .* shares fewer than 2 pictures with model 0"),
-        ("", "unknown model"),
-        ("1,,2", "unknown model"),
+        ("", "Not a model"),
+        ("1,,2", "Not a model"),
     ],
 )
 def test_a_model_that_there_is_none_of_is_one_line(model: str, line: str, tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_a_damaged_model_beside_a_good_one_is_left_out_and_told(tmp_path: Path) 
     (tmp_path / "sparse/1/images.txt").write_text("1 0 0 0 0 0 0 0 1 a.png\n")
     drive = open_drive(tmp_path)
     assert len(drive.frames) == 6 and "model 1 is left out: " in drive.notices[0]
-    with pytest.raises(DriveError, match="is no rotation"):
+    with pytest.raises(DriveError, match="Not a rotation"):
         open_drive(tmp_path, DriveOptions(model="1"))
 
 

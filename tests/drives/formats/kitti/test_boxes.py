@@ -35,7 +35,7 @@ def test_long_files_are_read_in_parts(tmp_path: Path) -> None:
 def test_damaged_files_say_so(tmp_path: Path, text: str) -> None:
     path = tmp_path / "a.xml"
     path.write_text(text)
-    with pytest.raises(DriveError, match=r"a.xml: is no complete XML"):
+    with pytest.raises(DriveError, match=r"a.xml: Not complete XML"):
         list(xml_items(path, 1))
     path.unlink()
     with pytest.raises(DriveError, match="cannot be read"):
@@ -63,7 +63,7 @@ def test_a_document_type_without_entities_is_borne(tmp_path: Path, text: str) ->
         (f"<a><b>{'<c/>' * (LARGEST_ITEM_BYTES // 4 + 8)}</b></a>", "an element of more than 8 MiB"),
         (f"<a><!--{'c' * (LARGEST_ITEM_BYTES + (2 << 20))}--></a>", "a tag of more than 8 MiB"),
         (f"<a b='{'c' * (LARGEST_ITEM_BYTES + (2 << 20))}'></a>", "a tag of more than 8 MiB"),
-        ("<?xml version='1.0' encoding='rot13'?><a/>", "no XML that can be read|no complete XML"),
+        ("<?xml version='1.0' encoding='rot13'?><a/>", "Not readable XML|Not complete XML"),
     ],
     ids=["text", "elements", "comment", "attribute", "encoding"],
 )

@@ -305,7 +305,7 @@ def test_parts_of_a_capture_are_one_drive(tmp_path: Path) -> None:
     drive = open_drive(folder)
     assert [f.name for f in drive.frames] == ["00", "01", "02", "03"]
     assert drive.notices[0] == (
-        "there is no transforms.json: the frames of transforms_train.json (2), transforms_test.json (2) are read as one drive"
+        "no transforms.json: the frames of transforms_train.json (2), transforms_test.json (2) make one drive"
     )
     assert {p.name for p in drive.sources} >= {"transforms_train.json", "transforms_test.json"}
     alone = open_drive(folder / "transforms_train.json")
@@ -372,20 +372,20 @@ def test_missing_depth_images_are_told(tmp_path: Path) -> None:
 
 
 BAD_KEYS: dict[str, Callable[[dict[str, Any]], object]] = {
-    "fl_x is no number: 'wide'": lambda d: d.update(fl_x="wide"),
-    "cy of frame 02 is no number": lambda d: d["frames"][2].update(cy=[1]),
-    "timestamp of frame 00 is no number": lambda d: d["frames"][0].update(timestamp="noon"),
+    "Not a number: fl_x: 'wide'": lambda d: d.update(fl_x="wide"),
+    "Not a number: cy of frame 02": lambda d: d["frames"][2].update(cy=[1]),
+    "Not a number: timestamp of frame 00": lambda d: d["frames"][0].update(timestamp="noon"),
     "camera_model EQUIRECTANGULAR cannot be undistorted": lambda d: d.update(camera_model="EQUIRECTANGULAR"),
-    "camera_model BALL is not known .use one of PINHOLE": lambda d: d.update(camera_model="BALL"),
+    "Not a known camera_model: BALL .use one of PINHOLE": lambda d: d.update(camera_model="BALL"),
     "nerfstudio's fourth radial term": lambda d: d.update(camera_model="OPENCV", k4=0.1),
-    "applied_transform is no 3x4 matrix": lambda d: d.update(applied_transform=[[1, 0], [0, 1]]),
+    "Not a 3x4 matrix: applied_transform": lambda d: d.update(applied_transform=[[1, 0], [0, 1]]),
     "has no frames": lambda d: d.update(frames={"a": 1}),
     "frame 1 has no file_path": lambda d: d["frames"][1].pop("file_path"),
     "has neither fl_x nor camera_angle_x": lambda d: d.pop("fl_x"),
-    "camera_angle_x is 4, which is no field of view": lambda d: (d.pop("fl_x"), d.update(camera_angle_x=4.0)),
+    "Not a field of view: camera_angle_x is 4": lambda d: (d.pop("fl_x"), d.update(camera_angle_x=4.0)),
     'names no points .points.ply lies beside it: set "ply_file_path": .*or give depth': lambda d: d.pop("ply_file_path"),
-    "file_path of frame 1 is no name of a file": lambda d: d["frames"][1].update(file_path=["images/01.png"]),
-    "integer_depth_scale -1 is not positive": lambda d: (
+    "Not the name of a file: file_path of frame 1": lambda d: d["frames"][1].update(file_path=["images/01.png"]),
+    "Not above 0: integer_depth_scale -1": lambda d: (
         d.pop("ply_file_path"),
         d.update(integer_depth_scale=-1.0),
         set_frames(d, depth_path=[f"images/{k:02d}.png" for k in range(4)]),
@@ -406,12 +406,12 @@ def test_bad_keys_are_one_line(line: str, tmp_path: Path) -> None:
 
 
 BAD_DEPTH: dict[str, tuple[str, Callable[[Path], object]]] = {
-    "is not a readable .npy file": ("npy", lambda p: p.write_bytes(b"no array")),
-    "is not an array .H, W. of depths": ("npy", lambda p: np.save(p, np.zeros((3, 4, 5)))),
-    "is not a readable .npy file: it says": ("npy", lambda p: np.save(p, np.array([{}], dtype=object), allow_pickle=True)),
-    "is a depth image of 8 bits": ("png", lambda p: cv2.imwrite(str(p), np.zeros((24, 32), np.uint8))),
-    "is a depth image of 3 channels": ("png", lambda p: cv2.imwrite(str(p), np.zeros((24, 32, 3), np.uint16))),
-    "is not a readable depth image": ("png", lambda p: p.write_bytes(b"no image")),
+    "Not a readable .npy file": ("npy", lambda p: p.write_bytes(b"no array")),
+    "Not an array .H, W. of depths": ("npy", lambda p: np.save(p, np.zeros((3, 4, 5)))),
+    "Not a readable .npy file: it says": ("npy", lambda p: np.save(p, np.array([{}], dtype=object), allow_pickle=True)),
+    "Not a depth image of one channel: it has 8 bits": ("png", lambda p: cv2.imwrite(str(p), np.zeros((24, 32), np.uint8))),
+    "Not a depth image of one channel: it has 3 channels": ("png", lambda p: cv2.imwrite(str(p), np.zeros((24, 32, 3), np.uint16))),
+    "Not a readable depth image": ("png", lambda p: p.write_bytes(b"no image")),
 }  # fmt: skip
 
 

@@ -52,5 +52,5 @@ def test_one_that_is_no_matrix_is_one_line_all_the_same(tmp_path: Path) -> None:
     drive = make_tiny_drive(tmp_path)
     edit(drive, transpose)
     edit(drive, lambda d: d["frames"][2].update(transform_matrix=[[1, 2], [3]]))
-    with pytest.raises(DriveError, match="the pose of frame 02 is not a 4x4 matrix"):
+    with pytest.raises(DriveError, match="Not a 4x4 matrix: the pose of frame 02"):
         open_drive(drive)

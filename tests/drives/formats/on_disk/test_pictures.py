@@ -145,7 +145,7 @@ def test_colmap_s_pictures_may_lie_in_input(tmp_path: Path) -> None:
     write_pictures(tmp_path / "input", NAMES)
     write_model(tmp_path / "sparse/0", [(n, STEP_M * i) for i, n in enumerate(NAMES)])
     drive = open_drive(tmp_path)
-    assert len(drive.frames) == 8 and drive.notices == ("there is no folder images/: pictures are taken from input/",)
+    assert len(drive.frames) == 8 and drive.notices == ("no folder images/: pictures come from input/",)
 
 
 def test_pictures_that_no_frame_names_are_counted(tmp_path: Path) -> None:

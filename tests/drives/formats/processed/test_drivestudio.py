@@ -218,7 +218,7 @@ def test_damaged_sweeps_are_one_error(tmp_path: Path) -> None:
     second.path.write_bytes(second.path.read_bytes()[:-3])
     np.full(140, np.nan, "<f4").tofile(third.path)
     for sweep in (first, second, third):
-        with pytest.raises(DriveError, match="cut short"):
+        with pytest.raises(DriveError, match="Cut short"):
             sweep.read()
 
 

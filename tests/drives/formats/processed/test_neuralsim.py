@@ -243,7 +243,7 @@ class Hostile:
 def test_a_hostile_pickle_runs_nothing(tmp_path: Path) -> None:
     target = tmp_path / "written"
     root = write_segment(tmp_path / "segment", {**scenario(), "extra": Hostile(target)})
-    with pytest.raises(DriveError, match=r"scenario\.pt: is no pickle that can be read"):
+    with pytest.raises(DriveError, match=r"scenario\.pt: Not a readable pickle"):
         open_drive(root)
     assert not target.exists()
 
@@ -255,7 +255,7 @@ def test_a_hostile_array_of_objects_runs_nothing(tmp_path: Path) -> None:
     hostile = np.array([Hostile(target)], dtype=object)
     np.savez(path, rays_o=hostile, rays_d=hostile, ranges=hostile)
     drive = open_drive(root)
-    with pytest.raises(DriveError, match="is no archive of arrays"):
+    with pytest.raises(DriveError, match="Not an archive of arrays"):
         drive.sweeps[0].read()
     assert not target.exists()
 

@@ -130,8 +130,8 @@ def test_several_sequences_want_a_name(tmp_path: Path) -> None:
     [
         ("1001 0 0 0 0 0 0\n", r"does not tell the focal|does not tell its focal length.*focal_mm"),
         ("1001 0 0 0 0 0 0 200\n", r"field of view of 200 degrees.*zoom"),
-        ("1001 0 0 0 0 0\n", r"line 1 is no frame of a camera path"),
-        ("1001 0 0 0 0 0 x 40\n", r"line 1 is no frame"),
+        ("1001 0 0 0 0 0\n", r"Not a frame of a camera path: line 1"),
+        ("1001 0 0 0 0 0 x 40\n", r"Not a frame of a camera path: line 1"),
         ("1001 0 0 0 0 0 0 40\n1001 0 0 0 0 0 0 40\n", r"has frame 1001 twice"),
     ],
 )
@@ -145,13 +145,13 @@ def test_paths_that_are_none(tmp_path: Path, text: str, line: str) -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ('{"zom": "none"}', r"key that is not known: zom.*keys are path"),
-        ('{"zoom": "fov"}', r"zoom is 'fov'.*vertical_fov"),
-        ('{"fps": -1}', r"fps is '-1'.*frames a second"),
-        ('{"lens": {"k9": 1}}', r"lens is.*k1, k2"),
+        ('{"zom": "none"}', r"Not a known key: zom.*keys are path"),
+        ('{"zoom": "fov"}', r"Not a value of zoom: 'fov'.*vertical_fov"),
+        ('{"fps": -1}', r"Not a value of fps: '-1'.*frames a second"),
+        ('{"lens": {"k9": 1}}', r"Not a value of lens:.*k1, k2"),
         ("[]", r"no JSON object"),
         ('{"path": "gone.chan"}', r"names a camera path that is none: gone.chan"),
-        ('{"plates": "nowhere"}', r"names plates in .*nowhere, which is no folder"),
+        ('{"plates": "nowhere"}', r"Not a folder: .*nowhere, named as plates"),
     ],
 )
 def test_what_shot_json_says_is_checked(tmp_path: Path, text: str, line: str) -> None:
@@ -184,5 +184,5 @@ def test_a_line_that_is_no_point(tmp_path: Path) -> None:
     plates(tmp_path / "plates")
     path = chan(tmp_path / "cam.chan")
     (tmp_path / "points.csv").write_text("x,y,z\n1,2\n")
-    with pytest.raises(DriveError, match=r"points.csv: has a line that is no point: '1 2' .*NAME X Y Z"):
+    with pytest.raises(DriveError, match=r"points.csv: Not a point: a line with '1 2' .*NAME X Y Z"):
         open_drive(path)

@@ -108,7 +108,7 @@ def test_lenses_that_opencv_lacks(tmp_path: Path, extra: str, kind: str, line: s
 def test_another_xml_is_told(tmp_path: Path) -> None:
     plates(tmp_path / "images")
     (tmp_path / "cameras.xml").write_text("<boost_serialization><tracklets/></boost_serialization>")
-    with pytest.raises(DriveError, match="is no file of Metashape's cameras"):
+    with pytest.raises(DriveError, match="Not a file of Metashape's cameras"):
         open_drive(tmp_path / "cameras.xml")
 
 
@@ -142,7 +142,7 @@ def test_realityscans_cameras(tmp_path: Path) -> None:
         ("a,b\n1,2\n", "has no column name, as RealityScan's cameras have"),
         (f"{HEADING}\n", "holds no cameras"),
         (f"{HEADING}\nplate.1001.png,1,2,3,0,90,0,24,0,0,0,0,0,0.1,0,0\n", "has a k4"),
-        (f"{HEADING}\nplate.1001.png,1,x,3,0,90,0,24\n", "line 2 holds what is no number"),
+        (f"{HEADING}\nplate.1001.png,1,x,3,0,90,0,24\n", "Not a number in line 2"),
         (f"{HEADING}\nother.png,1,2,3,0,90,0,24\n", "none of its 1 pictures is there, the first other.png"),
     ],
 )

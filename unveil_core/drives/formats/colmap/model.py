@@ -93,19 +93,19 @@ class _Bytes:
         try:
             values = struct.unpack_from(layout, self.data, self.at)
         except struct.error as error:
-            raise DriveError("is cut short", path=self.path, mend="copy or export the model again") from error
+            raise DriveError("Cut short", path=self.path, mend="copy or export the model again") from error
         self.at += struct.calcsize(layout)
         return values
 
     def skip(self, size: int, count: int) -> None:
         self.at += size * count
         if self.at > len(self.data):
-            raise DriveError("is cut short", path=self.path, mend="copy or export the model again")
+            raise DriveError("Cut short", path=self.path, mend="copy or export the model again")
 
     def text(self) -> str:
         end = self.data.find(b"\0", self.at)
         if end < 0:
-            raise DriveError("is cut short", path=self.path, mend="copy or export the model again")
+            raise DriveError("Cut short", path=self.path, mend="copy or export the model again")
         value = self.data[self.at : end].decode("utf-8", "replace")
         self.at = end + 1
         return value
@@ -129,9 +129,9 @@ class _Line:
         try:
             found = tuple(kind(word) for word in words)
         except ValueError as error:
-            raise self.wrong(f"{names} are numbers, found {' '.join(words)[:40]!r}") from error
+            raise self.wrong(f"expected numbers for {names}, found {' '.join(words)[:40]!r}") from error
         if stop is not None and len(found) < stop - start:
-            raise self.wrong(f"{names} are expected, the line ends after {len(self.words)} of {stop} words")
+            raise self.wrong(f"expected {names}, the line ends after {len(self.words)} of {stop} words")
         return found
 
     @property
@@ -168,7 +168,7 @@ def _lines(path: Path) -> Iterator[_Line]:
 
 def _lens(path: Path, model: str, width: int, height: int, parameters: tuple[float, ...]) -> Lens:
     if model not in _BY_NAME:
-        raise DriveError(f"camera model {model} is not known", path=path, mend="undistort the images with COLMAP first")
+        raise DriveError(f"Not a known camera model: {model}", path=path, mend="undistort the images with COLMAP first")
     if len(parameters) != _BY_NAME[model]:
         raise DriveError(f"camera model {model} has {len(parameters)} parameters", path=path)
     focal = parameters[: 1 if model in ONE_FOCAL_LENGTH else 2]
@@ -224,9 +224,7 @@ def read_images(folder: Path) -> list[ModelImage]:
     images = []
     for name, camera, numbers in found:
         if not np.isfinite(numbers).all() or not 1e-9 < np.linalg.norm(numbers[:4]) < 1e9:
-            raise DriveError(
-                f"the pose of {name} is no rotation or holds NaN", path=folder, mend="drop the image or redo its pose"
-            )
+            raise DriveError(f"Not a rotation: the pose of {name}", path=folder, mend="drop the image or redo its pose")
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = quat_to_rotation(numbers[:4]), numbers[4:]
         images.append(ModelImage(name, camera, pose))

@@ -180,7 +180,7 @@ def _told(order: Sequence[str], images: dict[str, list[ModelImage]], sizes: str)
     taken, path = order[0], Path()
     sharing = [n for n in order[1:] if _placed([(i, None, path) for i in images[taken]], images[n]) is not None]
     lacks = {i.name for n in order[1:] for i in images[n]} - {i.name for i in images[taken]}
-    line = f"there are {len(order)} models, {sizes}: {taken} is taken"
+    line = f"found {len(order)} models, {sizes}: {taken} is taken"
     line += f", without {len(lacks)} pictures that only others have" if lacks else ""
     line += "; --model N decides"
     if sharing and lacks:

@@ -49,7 +49,7 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
     if not read.images:
         raise DriveError("has no images", path=folder, mend="a drive needs at least one frame")
     if pictures.name.lower() != INPUTS[0]:
-        notices.append(f"there is no folder images/: pictures are taken from {pictures.name}/")
+        notices.append(f"no folder images/: pictures come from {pictures.name}/")
     named = NamedFiles(folder, pictures)
     shots: list[Shot] = []
     found: list[tuple[Path, Camera, Distortion | None]] = []
@@ -57,7 +57,7 @@ def read_colmap(path: Path, model: str | None = None) -> Drive:
     places = named.pictures([image.name for image, *_ in read.images], "an image's name")
     for (image, lens, source), place in zip(read.images, places, strict=True):
         if lens is None:
-            raise DriveError(f"image {image.name} names camera {image.camera}, which is not there", path=source)
+            raise DriveError(f"Not found: camera {image.camera} of image {image.name}", path=source)
         if not Path(image.name).name:
             raise DriveError(f"an image's name is none of a file: {image.name[:40]!r}", path=source, mend="correct it")
         if place is None:

@@ -108,7 +108,7 @@ def xml_items(path: Path, depth: int, *, attributes: bool = False) -> Iterator[E
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, text
     try:
         if path.stat().st_size > LARGEST_BYTES:
-            raise DriveError(f"is larger than {LARGEST_BYTES >> 20} MiB", path=path, mend=MEND)
+            raise DriveError(f"Too large: more than {LARGEST_BYTES >> 20} MiB", path=path, mend=MEND)
         with open_file(path, LARGEST_BYTES) as stream:
             while chunk := stream.read(1 << 20):
                 parser.Parse(chunk, False)
@@ -119,9 +119,9 @@ def xml_items(path: Path, depth: int, *, attributes: bool = False) -> Iterator[E
         parser.Parse(b"", True)
         yield from done
     except expat.ExpatError as error:
-        raise DriveError(f"is no complete XML: {error}", path=path, mend=MEND) from error
+        raise DriveError(f"Not complete XML: {error}", path=path, mend=MEND) from error
     except (ValueError, LookupError, UnicodeError) as error:  # an encoding that Python does not know, or cannot use
-        raise DriveError(f"is no XML that can be read: {error}", path=path, mend=MEND) from error
+        raise DriveError(f"Not readable XML: {error}", path=path, mend=MEND) from error
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path, mend=MEND) from error
 
@@ -218,14 +218,14 @@ def _boxes_360(path: Path, _changed: int, _size: int) -> Boxes360:
 def _matrix(item: ElementTree.Element, name: str, columns: int) -> Float64:
     values = np.array([float(word) for word in _text(item, f"{name}/data").split()])
     if not len(values) or len(values) % columns:
-        raise ValueError(f"{name} is no matrix of {columns} columns")
+        raise ValueError(f"not a matrix of {columns} columns: {name}")
     return values.reshape(-1, columns)
 
 
 def _oriented(number: int, class_name: str, transform: Float64, vertices: Float64) -> TrackedBox | None:
     """The upright box around vertices (V, 3) that a transform (4, 4), scale included, brings to the world; None = no box."""
     if transform.shape != (4, 4):
-        raise ValueError("transform is no 4x4 matrix")
+        raise ValueError("not a 4x4 matrix: transform")
     axes = transform[:3, :3]
     stretch = np.linalg.norm(axes, axis=0)
     low, high = vertices.min(axis=0), vertices.max(axis=0)

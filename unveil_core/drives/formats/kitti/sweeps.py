@@ -116,9 +116,9 @@ def read_velodyne(path: Path) -> Float64:
             values = np.fromfile(stream, dtype="<f4")
             size = os.fstat(stream.fileno()).st_size
     except OSError as error:
-        raise DriveError("there is no such readable sweep", path=path, mend="restore it or remove it") from error
+        raise DriveError("Not found, or not readable", path=path, mend="restore it or remove it") from error
     if size % 16 or not size:
-        problem = "is cut short" if size else "is empty"
+        problem = "Cut short" if size else "Empty"
         raise DriveError(problem, path=path, mend="download it again, or remove it: a sweep may be missing")
     return values.reshape(-1, 4)[:, :3].astype(np.float64)
 

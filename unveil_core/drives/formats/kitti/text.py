@@ -80,12 +80,12 @@ def read_calibration(path: Path, counts: Mapping[str, int], mend: str) -> dict[s
             try:
                 found[key.strip()] = np.array([float(word) for word in rest.split()])
             except ValueError as error:
-                raise DriveError(f"{key.strip()} is not numbers: {error}", path=path, mend=mend) from error
+                raise DriveError(f"Not numbers: {key.strip()}: {error}", path=path, mend=mend) from error
     for key, count in counts.items():
         if key not in found:
             raise DriveError(f"lacks the key {key}", path=path, mend=mend)
         if len(found[key]) != count or not np.isfinite(found[key]).all():
-            raise DriveError(f"{key} is not {count} finite numbers", path=path, mend=mend)
+            raise DriveError(f"Not {count} finite numbers: {key}", path=path, mend=mend)
     return found
 
 
@@ -108,7 +108,7 @@ def read_stamps(path: Path) -> list[float | None]:
             date = datetime.fromisoformat(whole).replace(tzinfo=UTC)
             stamps.append(date.timestamp() + (float(f"0.{fraction}") if fraction else 0.0))
     except (OSError, ValueError) as error:
-        problem = f"line {len(stamps) + 1} is no time stamp: {error}"
+        problem = f"Not a time stamp: line {len(stamps) + 1}: {error}"
         raise DriveError(problem, path=path, mend="download it again") from error
     return stamps
 

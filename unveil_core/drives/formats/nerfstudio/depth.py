@@ -139,10 +139,10 @@ def _load_npy(path: Path) -> NDArray[np.generic]:
     try:
         values: NDArray[np.generic] = load_npy(path, links=True)
     except NO_ARCHIVE as error:
-        raise DriveError(f"is not a readable .npy file: {error}", path=path, mend="save it as a plain array") from error
+        raise DriveError(f"Not a readable .npy file: {error}", path=path, mend="save it as a plain array") from error
     values = values[..., 0] if getattr(values, "ndim", 0) == 3 and values.shape[2] == 1 else values
     if getattr(values, "ndim", 0) != 2 or values.dtype.kind not in "fiu" or not values.size:
-        raise DriveError("is not an array (H, W) of depths", path=path, mend="save one depth a pixel")
+        raise DriveError("Not an array (H, W) of depths", path=path, mend="save one depth a pixel")
     return values
 
 
@@ -158,6 +158,8 @@ def _read_depth(path: Path) -> Float32:
     if image.ndim != 2 or image.dtype == np.uint8:
         shape = f"{image.shape[2]} channels" if image.ndim == 3 else "8 bits"
         raise DriveError(
-            f"is a depth image of {shape}", path=path, mend="export it as 16-bit PNG of one channel or .npy"
+            f"Not a depth image of one channel: it has {shape}",
+            path=path,
+            mend="export it as 16-bit PNG of one channel or .npy",
         )
     return np.asarray(image, dtype=np.float32)

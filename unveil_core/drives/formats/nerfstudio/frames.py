@@ -42,7 +42,7 @@ def read_frames(parts: Sequence[Part], convention: str) -> tuple[list[Frame], li
             if not isinstance(entry["file_path"], str | int):
                 given = str(entry["file_path"])[:40]
                 raise DriveError(
-                    f"file_path of frame {i} is no name of a file: {given!r}", path=path, mend="correct it"
+                    f"Not the name of a file: file_path of frame {i}: {given!r}", path=path, mend="correct it"
                 )
             if PurePosixPath(str(entry["file_path"]).replace("\\", "/")).name in ("", ".."):
                 given = str(entry["file_path"])[:40]

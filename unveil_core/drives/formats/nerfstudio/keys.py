@@ -48,7 +48,7 @@ class Keys:
             found = math.nan
         if not math.isfinite(found):
             where = f" of frame {self.name}" if self.name and self.frame.get(key) is not None else ""
-            raise DriveError(f"{key}{where} is no number: {str(value)[:40]!r}", path=self.path, mend="correct it")
+            raise DriveError(f"Not a number: {key}{where}: {str(value)[:40]!r}", path=self.path, mend="correct it")
         return found
 
     def stamp(self) -> float | None:
@@ -63,7 +63,7 @@ class Keys:
         if value is not None and found is None:
             where = f" of frame {self.name}" if self.name else ""
             mend = "give seconds, or a date as 2026-01-31T12:00:00.5"
-            raise DriveError(f"{key}{where} is no number: {str(value)[:40]!r}", path=self.path, mend=mend)
+            raise DriveError(f"Not a number: {key}{where}: {str(value)[:40]!r}", path=self.path, mend=mend)
         return found
 
     def file(self, files: NamedFiles, *keys: str) -> Path | None:

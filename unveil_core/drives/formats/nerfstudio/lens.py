@@ -65,7 +65,7 @@ def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortio
     angle_x, angle_y = keys.number("camera_angle_x"), keys.number("camera_angle_y")
     fx = _focal(width, angle_x) if focal_x is None else focal_x
     if fx is None and angle_x is not None:
-        problem = f"camera_angle_x is {angle_x:g}, which is no field of view"
+        problem = f"Not a field of view: camera_angle_x is {angle_x:g}"
         raise DriveError(problem, path=keys.path, mend="give radians, above 0 and below 3.14, or fl_x in pixels")
     if fx is None:
         raise DriveError(
@@ -117,7 +117,7 @@ def _distortion(keys: Keys, image: Path) -> Distortion | None:
             f"camera_model {model} cannot be undistorted to a pinhole picture", path=image, mend="cut perspective views"
         )
     if model not in MODELS:
-        raise DriveError(f"camera_model {model} is not known", path=image, mend=f"use one of {', '.join(MODELS)}")
+        raise DriveError(f"Not a known camera_model: {model}", path=image, mend=f"use one of {', '.join(MODELS)}")
     kind = MODELS[model]
     if kind is None:
         return None

@@ -31,7 +31,7 @@ def parts_of(path: Path) -> tuple[list[tuple[Path, dict[str, Any]]], list[str]]:
     if files and not (path / WHOLE).is_file():
         parts = [(file, _read(file)) for file in files]
         counts = ", ".join(f"{file.name} ({len(top['frames'])})" for file, top in parts)
-        return parts, [f"there is no {WHOLE}: the frames of {counts} are read as one drive"] if len(parts) > 1 else []
+        return parts, [f"no {WHOLE}: the frames of {counts} make one drive"] if len(parts) > 1 else []
     path = path / WHOLE if path.is_dir() else path
     notices = []
     if path.name in SPLITS:

@@ -86,7 +86,7 @@ def _applied(keys: Keys) -> Float64 | None:
     except (TypeError, ValueError, OverflowError):
         matrix = np.zeros(0)
     if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
-        raise DriveError("applied_transform is no 3x4 matrix", path=keys.path, mend="leave it out or correct it")
+        raise DriveError("Not a 3x4 matrix: applied_transform", path=keys.path, mend="leave it out or correct it")
     return (1.0 if scale is None else scale) * matrix[:3]
 
 

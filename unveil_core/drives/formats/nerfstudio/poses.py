@@ -27,7 +27,7 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     if pose.shape == (3, 4):
         pose = np.vstack([pose, [0, 0, 0, 1]])
     if pose.shape != (4, 4):
-        raise DriveError(f"the pose of frame {frame} is not a 4x4 matrix", path=path)
+        raise DriveError(f"Not a 4x4 matrix: the pose of frame {frame}", path=path)
     if not np.isfinite(pose).all():
         raise DriveError(
             f"the pose of frame {frame} holds NaN or infinity", path=path, mend="drop the frame or redo its pose"
@@ -35,7 +35,7 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     rotation, error = nearest_rotation(pose[:3, :3])
     if error > ROTATION_TOLERANCE:
         raise DriveError(
-            f"the pose of frame {frame} is no rotation (off by {error:.3g})",
+            f"Not a rotation: the pose of frame {frame} (off by {error:.3g})",
             path=path,
             mend="poses are rigid: no scale, no mirror, no shear",
         )

@@ -24,5 +24,5 @@ def shift_told(keys: Keys) -> Similarity:
     except (TypeError, ValueError, OverflowError):
         shift = np.zeros(0)
     if shift.shape != (3,) or not np.isfinite(shift).all():
-        raise DriveError("shift is not three numbers", path=keys.path, mend="correct it, or leave it out")
+        raise DriveError("Not three numbers: shift", path=keys.path, mend="correct it, or leave it out")
     return Similarity(translation=shift)

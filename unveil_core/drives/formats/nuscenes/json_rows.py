@@ -49,7 +49,7 @@ def json_rows(path: Path, field: str | None = None, wanted: Collection[str] = ()
             try:
                 row = parsed_json(b"{" + body + b"}")
             except ValueError as error:
-                raise DriveError(f"holds a row that is not valid JSON: {error}", path=path, mend=MEND) from error
+                raise DriveError(f"Not valid JSON in a row: {error}", path=path, mend=MEND) from error
             if field is None or row.get(field) in wanted:
                 yield row
 
@@ -61,7 +61,7 @@ def _bodies(path: Path) -> Iterator[list[bytes]]:
             rest = stream.read(CHUNK_BYTES)
             begin = BEGIN.match(rest)
             if begin is None:
-                raise DriveError("is no list of rows", path=path, mend=MEND)
+                raise DriveError("Not a list of rows", path=path, mend=MEND)
             rest = rest[begin.end() :]
             while True:
                 *bodies, rest = BETWEEN_ROWS.split(rest)
@@ -76,6 +76,6 @@ def _bodies(path: Path) -> Iterator[list[bytes]]:
         raise DriveError(f"cannot be read: {error.strerror}", path=path, mend="unpack the tables, too") from error
     last = LAST.fullmatch(rest)
     if last is None:
-        raise DriveError("is cut short", path=path, mend=MEND)
+        raise DriveError("Cut short", path=path, mend=MEND)
     if last[1] is not None:
         yield [last[1]]

@@ -162,7 +162,7 @@ def _pose(rows: SceneRows, name: str, row: Row | None, token: str) -> Float64:
     try:
         return pose_of(row["rotation"], row["translation"], rows.table(name), f"row {token}")
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise DriveError(f"row {token} is no pose: {error}", path=rows.table(name), mend=MEND) from error
+        raise DriveError(f"Not a pose: row {token}: {error}", path=rows.table(name), mend=MEND) from error
 
 
 def _poses(rows: SceneRows, file: SensorFile) -> tuple[Float64, Float64]:
@@ -209,7 +209,7 @@ def _boxes(rows: SceneRows) -> tuple[list[float], list[tuple[TrackedBox, ...]]]:
             width, length, height = (float(v) for v in row["size"])
             qw, qx, qy, qz = (float(v) for v in row["rotation"])
         except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise DriveError(f"a row is no box: {error}", path=rows.table("sample_annotation"), mend=MEND) from error
+            raise DriveError(f"Not a box in a row: {error}", path=rows.table("sample_annotation"), mend=MEND) from error
         yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         if np.isfinite([x, y, z, yaw, width, length, height]).all() and min(width, length, height) > 0:
             number = ids.of(str(row["instance_token"]))

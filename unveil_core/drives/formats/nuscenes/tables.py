@@ -122,19 +122,19 @@ def read_scene(folder: Path, scene: str) -> SceneRows:
     """
     for name in TABLES:
         if not (folder / f"{name}.json").is_file():
-            raise DriveError("there is no such table", path=folder / f"{name}.json", mend=MEND)
+            raise DriveError("Not found", path=folder / f"{name}.json", mend=MEND)
     stats = [(folder / f"{name}.json").stat() for name in TABLES]
     try:
         return _read_scene(folder, scene, tuple((s.st_size, s.st_mtime_ns) for s in stats))
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        problem = f"a row lacks {error}" if isinstance(error, KeyError) else f"a row is no such: {error}"
-        raise DriveError(f"is damaged: {problem}", path=folder, mend=MEND) from error
+        problem = f"a row lacks {error}" if isinstance(error, KeyError) else f"a row cannot be read: {error}"
+        raise DriveError(f"Damaged: {problem}", path=folder, mend=MEND) from error
 
 
 def _whole(path: Path) -> list[Row]:
     rows = read_json(path)
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise DriveError("is no list of rows", path=path, mend=MEND)
+        raise DriveError("Not a list of rows", path=path, mend=MEND)
     return rows
 
 

@@ -174,7 +174,7 @@ def _camera_frames(
     path = root / "intrinsics" / f"{camera}.txt"
     k = poses.files.numbers(path)
     if len(k) < 4 or not np.isfinite(k).all():
-        raise DriveError(f"{k} are not fx fy cx cy k1 k2 p1 p2 k3", path=path, mend=MEND)
+        raise DriveError(f"Not fx fy cx cy k1 k2 p1 p2 k3: {k}", path=path, mend=MEND)
     size = calibration_size(picture_size(images[0][1]), (k[2], k[3]))
     frames = []
     for number, image in images:

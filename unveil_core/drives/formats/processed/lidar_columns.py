@@ -51,7 +51,7 @@ def read_sweep(path: Path, world_from_points: Float64, widths: Sequence[int]) ->
     columns = columns_of(values, widths)
     if columns is None:
         tried = " nor ".join(str(w) for w in widths)
-        problem = f"is cut short or of unknown columns: neither {tried} make points and lasers of it"
+        problem = f"Cut short, or of unknown columns: neither {tried} make points and lasers"
         raise DriveError(problem, path=path, mend="prepare the scene again")
     first = 3 if columns in OF_WAYMO else 0
     points = values.reshape(-1, columns)[:, first : first + 3].astype(np.float64)

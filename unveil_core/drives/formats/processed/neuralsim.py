@@ -69,7 +69,7 @@ def read_neuralsim(path: Path, scene: str = ".") -> Drive:
         observers = {str(name): _Observer(file, str(name), o) for name, o in scenario["observers"].items()}
         stamps, boxes = _boxes(scenario.get("objects") or {}, observers, file)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        problem = f"lacks {error}" if isinstance(error, KeyError) else f"is no scenario of neuralsim: {error}"
+        problem = f"lacks {error}" if isinstance(error, KeyError) else f"Not a scenario of neuralsim: {error}"
         raise DriveError(problem, path=file, mend=MEND) from error
     frames: list[Frame] = []
     notices: list[str] = []

@@ -119,7 +119,7 @@ def _stamps(path: Path) -> dict[str, dict[int, float]]:
     try:
         stamps = {str(name): {int(k): float(v) for k, v in times.items()} for name, times in content.items()}
         if not all(math.isfinite(v) for times in stamps.values() for v in times.values()):
-            raise ValueError("one is no finite number")
+            raise ValueError("one of them is not finite")
         return stamps
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise DriveError(f"holds no time stamps: {error}", path=path, mend=MEND) from error
@@ -139,7 +139,7 @@ def _camera_frames(
     path = matrices.root / "intrinsics" / f"{camera}.txt"
     k = matrices.numbers(path)
     if len(k) < 4 or not np.isfinite(k).all():
-        raise DriveError(f"{k} are not fx fy cx cy k1 k2 p1 p2 k3", path=path, mend=MEND)
+        raise DriveError(f"Not fx fy cx cy k1 k2 p1 p2 k3: {k}", path=path, mend=MEND)
     size = calibration_size(picture_size(images[0][0]), (k[2], k[3]))
     frames = []
     for image, name in images:
@@ -190,7 +190,7 @@ def _boxes(path: Path, matrices: Matrices) -> Boxes:
             (box,) = boxes_of_track(ids.of(words[1]), class_name, (vehicle @ pose)[None], sizes)
             found[number] = (*found.get(number, ()), *(() if box is None else (box,)))
     except (OSError, ValueError, OverflowError) as error:
-        raise DriveError(f"is no table of tracks: {error}", path=path, mend=MEND) from error
+        raise DriveError(f"Not a table of tracks: {error}", path=path, mend=MEND) from error
     return found
 
 

@@ -76,7 +76,7 @@ def _rows(path: Path) -> list[tuple[int, Float64]]:
             values = np.zeros(0)
         whole = len(values) in (7, 8) and np.isfinite(values).all() and values[0] == round(values[0])
         if not whole:
-            problem = f"line {k} is no frame of a camera path: {line.strip()[:60]!r}"
+            problem = f"Not a frame of a camera path: line {k}: {line.strip()[:60]!r}"
             raise DriveError(problem, path=path, mend=f"a line has {COLUMNS}, and the last may be missing")
         found.append((int(values[0]), values[1:]))
     if not found:

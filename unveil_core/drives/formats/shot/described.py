@@ -68,16 +68,14 @@ def described(path: Path) -> Described:
         raise DriveError("holds no JSON object", path=path, mend="see docs/shots.md")
     unknown = sorted(set(content) - set(READ))
     if unknown:
-        raise DriveError(
-            f"has a key that is not known: {unknown[0][:40]}", path=path, mend=f"keys are {', '.join(READ)}"
-        )
+        raise DriveError(f"Not a known key: {unknown[0][:40]}", path=path, mend=f"keys are {', '.join(READ)}")
     found: dict[str, Any] = {}
     for key, value in content.items():
         wanted, read = READ[key]
         try:
             found["distortion" if key == "lens" else key] = read(value)
         except (TypeError, ValueError, OverflowError, AttributeError) as error:
-            raise DriveError(f"{key} is {str(value)[:40]!r}", path=path, mend=f"give {wanted}") from error
+            raise DriveError(f"Not a value of {key}: {str(value)[:40]!r}", path=path, mend=f"give {wanted}") from error
     return Described(source=path, **found)
 
 

@@ -39,7 +39,7 @@ def read_metashape(path: Path) -> CameraPath:
     """
     chunk = next(xml_items(path, 1, attributes=True), None)
     if chunk is None or chunk.tag != "chunk":
-        raise DriveError("is no file of Metashape's cameras", path=path, mend=MEND)
+        raise DriveError("Not a file of Metashape's cameras", path=path, mend=MEND)
     lenses = {s.get("id"): s for s in chunk.findall("sensors/sensor")}
     placed = {c.get("id"): _placement(c, path) for c in chunk.findall("components/component")}
     whole = _placement(chunk, path)

@@ -118,7 +118,7 @@ def _folders(path: Path, said: Described) -> list[Path]:
         named = named_path(root, said.plates, said.source or path, "plates")
         folder = named.parent if PATTERN.fullmatch(named.name) else named
         if not folder.is_dir():
-            raise DriveError(f"names plates in {folder}, which is no folder", path=said.source, mend="correct plates")
+            raise DriveError(f"Not a folder: {folder}, named as plates", path=said.source, mend="correct plates")
         return [folder]
     inner = {p.name.lower(): p for p in root.iterdir() if p.is_dir()}
     usual = [inner[name] for name in FOLDERS if name in inner]

@@ -42,7 +42,7 @@ def read_shot_points(path: Path, said: Described) -> tuple[PointCloud, tuple[Pat
     if file.suffix.lower() == ".ply":
         return read_points(file, told), (file,), told
     if file.suffix.lower() not in KINDS:
-        raise DriveError("is no file of points", path=file, mend=f"give one of {', '.join(KINDS)}")
+        raise DriveError("Not a file of points", path=file, mend=f"give one of {', '.join(KINDS)}")
     text = read_text(file, "export the locators again")
     found = _vertices(text, file) if file.suffix.lower() == ".obj" else _table(text, file)
     finite = np.isfinite(found).all(axis=1)
@@ -76,7 +76,7 @@ def _table(text: str, file: Path) -> Float64:
         try:
             found.append([float(words[c]) for c in columns])
         except (ValueError, IndexError) as error:
-            raise DriveError(f"has a line that is no point: {' '.join(words)[:60]!r}", path=file, mend=MEND) from error
+            raise DriveError(f"Not a point: a line with {' '.join(words)[:60]!r}", path=file, mend=MEND) from error
     return np.array(found, dtype=np.float64).reshape(-1, 3)
 
 

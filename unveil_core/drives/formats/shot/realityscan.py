@@ -44,9 +44,9 @@ def read_realityscan(path: Path) -> CameraPath:
         try:
             numbers = {n: float(held.get(n) or 0.0) for n in (*NEEDED[1:], *LENS)}
         except ValueError as error:
-            raise DriveError(f"line {k} holds what is no number: {error}", path=path, mend=MEND) from error
+            raise DriveError(f"Not a number in line {k}: {error}", path=path, mend=MEND) from error
         if len(row) < len(NEEDED) or not np.isfinite(list(numbers.values())).all() or numbers["f"] <= 0:
-            raise DriveError(f"line {k} is no camera", path=path, mend=MEND)
+            raise DriveError(f"Not a camera: line {k}", path=path, mend=MEND)
         if numbers["k4"]:
             raise DriveError(
                 f"line {k} has a k4, which OpenCV's lens lacks",

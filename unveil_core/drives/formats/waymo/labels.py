@@ -86,5 +86,5 @@ def _read(rows: Rows, number: int, divisor: int, numbers: dict[int, int] | None,
 def _decoded(content: object, path: Path, size: tuple[int, int]) -> NDArray[np.generic]:
     picture = decode_unchanged(content, path, size) if isinstance(content, bytes) else None
     if picture is None or picture.ndim != 2:
-        raise DriveError("holds a label image that is no grey PNG", path=path, mend="download it again")
+        raise DriveError("Not a grey PNG: a label image in it", path=path, mend="download it again")
     return picture

@@ -146,7 +146,7 @@ def _frames(
 def _image(rows: Rows, number: int, path: Path) -> bytes:
     content = rows.row(number)[IMAGE].as_py()
     if not isinstance(content, bytes) or not content:
-        raise DriveError("is empty", path=path, mend="download the table again, or leave the frame out")
+        raise DriveError("Empty", path=path, mend="download the table again, or leave the frame out")
     return content
 
 

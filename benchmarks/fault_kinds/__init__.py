@@ -1,1 +1,0 @@
-"""The faults of benchmarks/faults.py: what is done to runs, and how what comes of it is judged."""
