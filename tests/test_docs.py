@@ -24,7 +24,6 @@ PAGES = sorted(
     + [*(ROOT / "docs").glob("*.md"), *(ROOT / "sample_scenes").glob("*/README.md")]
 )
 FOLDERS = ("unveil_core", "blender_addon", "benchmarks", "tests", "docs", "sample_scenes", "LICENSES")
-README_LINES = 150
 
 
 def text_of(page: Path) -> str:
@@ -67,10 +66,6 @@ def name(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
 
-def test_the_readme_is_short() -> None:
-    assert len(text_of(ROOT / "README.md").splitlines()) <= README_LINES
-
-
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page: Path) -> None:
     broken = []
@@ -103,10 +98,9 @@ def test_examples_are_json(page: Path) -> None:
         json.loads(block)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/input.md"])
-def test_the_example_of_a_drive_opens(page: str, tmp_path: Path) -> None:
+def test_the_example_of_a_drive_opens(tmp_path: Path) -> None:
     """It looks along +y, 1.6 m above the ground, as the page says."""
-    (tmp_path / "transforms.json").write_text(code_blocks(ROOT / page, "json")[0])
+    (tmp_path / "transforms.json").write_text(code_blocks(ROOT / "docs/input.md", "json")[0])
     write_points(PointCloud(np.zeros((3, 3)) + [[0.0], [1.0], [2.0]]), tmp_path / "points.ply")
     for frame in json.loads((tmp_path / "transforms.json").read_text())["frames"]:
         write_picture(tmp_path / frame["file_path"])
