@@ -8,7 +8,7 @@ export OMP_WAIT_POLICY := PASSIVE
 # Each of the many programs that tests start would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quality test-blender test-window extension wheels lint lock clean
+.PHONY: demo test quality test-blender test-window extension wheels docs lint lock clean
 
 demo: $(VENV)/.installed
 	$(BIN)/unveil demo
@@ -52,6 +52,12 @@ extension: $(VENV)/.installed-test .venv-bpy-5.0/.installed
 # torch without CUDA: TORCH_INDEX=https://download.pytorch.org/whl/cpu. Another system: FOR="--platform win_amd64".
 wheels:
 	$(PYTHON) requirements/wheels.py "$(FOLDER)" "$(TORCH_INDEX)" "$(FOR)"
+
+# All pages as a site, in build/docs/: docs/conf.py. Needs no network; a link that leads nowhere is an error.
+docs: $(VENV)/.installed-test
+	$(BIN)/python docs/generate.py
+	$(BIN)/python -m sphinx -q -W --keep-going -b html -c docs . build/docs
+	@echo "build/docs/index.html"
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .

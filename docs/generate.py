@@ -1,9 +1,9 @@
-"""Writes the parts of the pages in docs/ that follow from the code: the drawing of the packages, and the tables beside it.
+"""Writes the parts of the pages that follow from the code and from what was measured: drawings and tables.
 
     python docs/generate.py
 
 A generated part lies between ``<!-- generated: NAME ... -->`` and ``<!-- end -->``. ``tests/test_architecture.py`` makes the
-parts anew, compares, and holds the imports to :data:`ORDER`.
+parts anew, compares, and holds the imports to :data:`ORDER`. Tables of measurements are in docs/tables/.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
+
+from docs.tables import real, robust, runs, scenes, streets  # noqa: E402
+
 PACKAGE = "unveil_core"
 COMMAND = "python docs/generate.py"
 
@@ -176,19 +179,6 @@ def export_table() -> str:
     return "\n".join(lines)
 
 
-def fuzz_table() -> str:
-    """What fuzzing tried and found, a row for each reader of ``benchmarks/results/fuzz.json``."""
-    rows = json.loads((ROOT / "benchmarks/results/fuzz.json").read_text(encoding="utf-8"))["readers"]
-    lines = ["| reader | inputs | of these read | crashes | hangs | over the limit of memory | wrong |"]
-    lines += ["|---|---|---|---|---|---|---|"]
-    for name, row in rows.items():
-        found = " | ".join(str(row[kind]) for kind in ("crash", "hang", "memory", "wrong"))
-        lines.append(
-            f"| {name} | {row['inputs']:,} | {row['read'] / max(row['inputs'], 1):.0%} | {found} |".replace("%", " %")
-        )
-    return "\n".join(lines)
-
-
 def settings_table() -> str:
     """The settings of runs and stages, a table for each group."""
     from unveil_core.pipeline.options.table import GROUPS, TABLE
@@ -239,13 +229,53 @@ def addon_settings() -> str:
 FILES = {"blender_addon/formats/table/settings.json": addon_settings}
 """Generated files, from the root of the repository."""
 PARTS = {
-    "benchmarks.md": {"fuzzing": fuzz_table},
+    "../README.md": {"shots": runs.shots, "install": robust.install},
+    "benchmarks.md": {
+        "whole runs": runs.whole_runs,
+        "cost of whole runs": runs.cost,
+        "methods": runs.methods,
+        "presets": runs.presets,
+        "hard streets": runs.hard_streets,
+        "first looks": streets.first_looks,
+        "ranges": streets.ranges,
+        "path ahead": streets.ahead,
+        "special cases": streets.special_cases,
+        "without lidar": streets.without_lidar,
+        "clicks": real.clicks,
+        "solved": real.solved,
+        "points": real.points,
+        "real drives": real.real,
+        "real drives compared": real.real_against,
+        "chart holes": real.chart_holes,
+        "certainty": streets.certainty,
+    },
+    "benchmarks_parts.md": {
+        "reconstruction": scenes.reconstruction,
+        "ablations": scenes.ablations,
+        "rasterizer": scenes.rasterizer,
+        "card passes": scenes.card_passes,
+        "card runs": scenes.card_runs,
+        "torch step": scenes.torch_step,
+        "gpu share": scenes.gpu_share,
+        "long drives": robust.long_drives,
+        "long stages": robust.long_stages,
+        "threads": robust.threads,
+        "batch": robust.batch,
+        "import memory": robust.import_memory,
+        "mesh fusion": robust.mesh_fusion,
+        "textures": scenes.textures,
+        "kills": robust.kills,
+        "faults": robust.faults,
+        "formats": robust.formats,
+        "fuzzing": robust.fuzzing,
+        "blender": robust.blender,
+    },
     "command.md": {"settings": settings_table},
     "development.md": {"packages": drawing, "package table": package_table},
     "exports.md": {"formats": export_table},
     "workspace.md": {"stages": stage_table, "settings": recorded_settings},
 }
-"""The generated parts by page and name."""
+"""The generated parts by page, from docs/, and name."""
 
 
 def generated(page: str) -> str:

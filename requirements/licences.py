@@ -40,6 +40,7 @@ KNOWN = {
     "openexr": "names none in its metadata; LICENSE.md in it is BSD-3-Clause",
     "opencolorio": "names none in its metadata; it is BSD-3-Clause (aswf-opencolorio.org)",
     "usd-core": "Tomorrow Open Source Technology License 1.0: Apache-2.0 with another clause on trade marks; not in the core",
+    "docutils": "public domain and BSD-2-Clause (COPYING.rst); the GPL that it names is of an Emacs mode that the wheel lacks",
     "bpy": "GPL-3.0-or-later: Blender itself, under which the add-on's tests run; unveil_core imports nothing of it",
 }
 """Packages whose metadata does not say enough, or says what does not fit, with the reason why they are taken."""

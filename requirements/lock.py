@@ -32,7 +32,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 
-EXTRAS = ("dev", "gpu", "datasets", "farm", "exports", "plates", "solve")
+EXTRAS = ("dev", "docs", "gpu", "datasets", "farm", "exports", "plates", "solve")
 """Optional parts of pyproject.toml that ``make test`` installs, but for bpy."""
 BLENDERS = {release: [f"bpy=={bpy}", "pytest"] for release, bpy in (("4.2", "4.2.23"), ("4.5", "4.5.15"), ("5.0", "5.0.1"))}
 """Per Blender what its tests need. Each bpy is for Python 3.11 alone, and has the NumPy of its Blender, of the series 1."""

@@ -78,10 +78,14 @@ CASES = {
             f"{INPAINT}.light.scene_light:solid_columns": lambda chart, surfels, *_, **__: surfels.select(
                 torch.zeros(len(surfels), dtype=torch.bool)
             ),
-            f"{INPAINT}.light.scene_light:flush_with_facades": lambda chart, surfels, *_, **__: np.ones(len(surfels), dtype=bool),
+            f"{INPAINT}.light.scene_light:flush_with_facades": lambda chart, surfels, *_, **__: np.ones(
+                len(surfels), dtype=bool
+            ),
         },
     ),
-    "barriers": Case("hedges, garden walls and fences go on behind cars", {f"{INPAINT}.upright:read_barriers": nothing}),
+    "barriers": Case(
+        "hedges, garden walls and fences go on behind cars", {f"{INPAINT}.upright:read_barriers": nothing}
+    ),
     "quilting": Case(
         "invented ground gets the texture of seen ground",
         {
@@ -136,7 +140,9 @@ def work(drive: Path, workspace: Path, quality: str, case: str) -> None:
         return
     names = stages_from(CASES[case].stage)
     # The variant tells its result from the one with everything on; later stages tell theirs by what they read.
-    stages = [replace(s, variant=f"without {case}" if s.name == names[0] else s.variant) for s in STAGES if s.name in names]
+    stages = [
+        replace(s, variant=f"without {case}" if s.name == names[0] else s.variant) for s in STAGES if s.name in names
+    ]
     with switched_off(CASES[case]):
         run_stages(Workspace.open(workspace), stages, settings, drive)
 
@@ -191,7 +197,9 @@ def main() -> None:
     parser.add_argument("--cases", default=",".join(CASES))
     parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
     parser.add_argument("--cache", type=Path, default=None)
-    parser.add_argument("--keep", type=Path, default=None, help="keep workspaces here, and take up those of earlier calls")
+    parser.add_argument(
+        "--keep", type=Path, default=None, help="keep workspaces here, and take up those of earlier calls"
+    )
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     parser.add_argument("--work", nargs=3, default=None, help=argparse.SUPPRESS)
     arguments = parser.parse_args()

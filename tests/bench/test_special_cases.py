@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
-import re
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,18 +14,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.streets.special_cases import (
-    ALL_ON,
-    CASES,
-    FIGURES,
-    RESULTS,
-    change,
-    means,
-    record,
-    stages_from,
-    switched_off,
-)
-from docs.generate import ROOT
+from benchmarks.streets.special_cases import ALL_ON, CASES, FIGURES, change, means, record, stages_from, switched_off
 from unveil_core.surfels.initialize import surfels_from_points
 
 
@@ -85,34 +73,3 @@ def test_means_count_the_streets_that_changed(tmp_path: Path) -> None:
     assert set(json.loads(arguments.output.read_text())["runs"]["draft"]["2"]) == {ALL_ON, "facades"}
     record(arguments, 2, ALL_ON, figures(23.0, 10.0))
     assert set(json.loads(arguments.output.read_text())["runs"]["draft"]["2"]) == {ALL_ON}
-
-
-def test_what_the_page_says_is_in_the_file() -> None:
-    document = json.loads(RESULTS.read_text())
-    rows, runs = document["means"]["standard"], document["runs"]["standard"]
-    page = (ROOT / "docs/benchmarks.md").read_text(encoding="utf-8")
-    section = page.partition("\n## Special cases\n")[2].partition("\n## ")[0]
-    told = {m[1]: m[2].split(" | ") for m in re.finditer(r"^\| `(\w+)` \| (.*) \|$", section, flags=re.MULTILINE)}
-    assert set(told) == set(rows)
-
-    def signed(value: float, digits: int) -> str:
-        text = f"{value:+.{digits}f}"
-        return text if float(text) else text[1:]
-
-    for case, (_, *cells) in told.items():
-        found, by_seed = rows[case], {seed: of[case]["change"]["psnr"] for seed, of in runs.items() if case in of}
-        most = min(by_seed, key=lambda seed: by_seed[seed])
-        others = np.mean([value for seed, value in by_seed.items() if seed != most])
-        assert cells == [
-            f"{signed(found['psnr'], 2)} dB",
-            f"{signed(100 * found['line_recall'], 1)} / {signed(100 * found['false_lines'], 1)}",
-            f"{found['changed']} of {found['streets']}",
-            f"{signed(by_seed[most], 2)} dB, on {most}",
-            f"{signed(float(others), 2)} dB",
-        ]
-    lines = (
-        section.partition("With everything on, in the state of that day, ")[2].partition(".\n")[0].replace(" has", "")
-    )
-    shown = re.findall(r"(\d+) (\d+\.\d)(?: dB)?", re.sub(r"\([^)]*\)", "", " ".join(lines.split())))
-    assert shown == [(seed, f"{of[ALL_ON]['psnr']:.1f}") for seed, of in runs.items()]
-    assert set(rows) >= set(CASES)

@@ -32,18 +32,20 @@ forward; world to camera with the latter (COLMAP) or the former."""
 
 @dataclass(frozen=True)
 class DriveOptions:
-    """Attributes:
-    scene: which drive of a folder that holds several (a nuScenes scene, a Waymo segment, a KITTI-360 or odometry sequence).
-    cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
-    frames: "A:B:STEP" as in Python, counted in each camera's order of time, several with commas between; None for all.
-    sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
-    model: which of several COLMAP models: the name of its folder; several with commas between, or "all", join those that share
-        pictures; None = the largest.
-    labels: path of a folder of label pictures in the place of the drive's own, see ``drives.labels.folders``; None = none.
-    instance_maps: path of a folder of instance maps, likewise.
-    label_classes: what pictures of classes hold, one of ``drives.labels.codes.LABEL_CLASSES``; None = as their values tell.
-    mask_removes: "black" or "white", which of a mask is removed; None = black, as nerfstudio and COLMAP have it.
-    pose_convention: what the matrices of poses are, one of ``POSE_CONVENTIONS``; None = what is the format's habit.
+    """What to read of a drive.
+
+    Attributes:
+        scene: which drive of a folder that holds several (a nuScenes scene, a Waymo segment, a KITTI-360 or odometry sequence).
+        cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
+        frames: "A:B:STEP" as in Python, counted in each camera's order of time, several with commas between; None for all.
+        sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
+        model: which of several COLMAP models: the name of its folder; several with commas between, or "all", join those that share
+            pictures; None = the largest.
+        labels: path of a folder of label pictures in the place of the drive's own, see ``drives.labels.folders``; None = none.
+        instance_maps: path of a folder of instance maps, likewise.
+        label_classes: what pictures of classes hold, one of ``drives.labels.codes.LABEL_CLASSES``; None = as their values tell.
+        mask_removes: "black" or "white", which of a mask is removed; None = black, as nerfstudio and COLMAP have it.
+        pose_convention: what the matrices of poses are, one of ``POSE_CONVENTIONS``; None = what is the format's habit.
 
     Raises:
         SettingsError: frames that are no range, unknown sweeps, or a model without a name.
