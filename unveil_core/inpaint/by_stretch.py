@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -40,7 +40,7 @@ from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["StreetFill"]
+__all__ = ["FilledStreet", "StreetFill"]
 
 T = TypeVar("T")
 
@@ -220,19 +220,20 @@ class StreetFill:
         errors = self.kept.within(stretch.name).once("planted", fill)
         return errors["sun"], errors["none"]
 
-    def fill(self, sun: Sun | None, *, shadows: bool) -> None:
+    def fill(self, sun: Sun | None, *, shadows: bool) -> FilledStreet:
         """Relight and fill the ground of all stretches.
 
         Args:
             sun: None where none explains the shadows.
             shadows: whether the removed objects' shadows are removed too.
         """
+        filled = FilledStreet(self, sun, shadows)
         for stretch in self.stretches:
-            self._filled(stretch, sun, shadows)
-        self._sun, self._shadows = sun, shadows
+            filled.own(stretch)
+        return filled
 
-    def _filled(self, stretch: Stretch, sun: Sun | None, shadows: bool) -> StreetChart:
-        """The filled rows that a stretch owns."""
+    def fill_own(self, stretch: Stretch, sun: Sun | None, *, shadows: bool) -> StreetChart:
+        """The rows that a stretch owns, relit and filled, see :meth:`fill`."""
 
         def make() -> dict[str, NDArray[Any]]:
             chart = self._read(stretch)
@@ -265,17 +266,7 @@ class StreetFill:
         reach = SHADOW_REACH_M if shadows else 0.0
         return fill_chart(chart, footprint, light=light, shadow_reach_m=reach, progress=self._progress(stretch))
 
-    def own(self, stretch: Stretch) -> StreetChart:
-        """The filled rows of a stretch."""
-        return self._filled(stretch, self._sun, self._shadows)
-
-    def seen_from(self, stretch: Stretch) -> StreetChart:
-        """The filled ground that a stretch's frames see: of its own, and what of the next ones is near."""
-        reach = round(SEEN_M / TEXEL_M)
-        near = max(stretch.rows[0] - reach, 0), min(stretch.rows[1] + reach, rows_of(self.ground))
-        return self._gathered(self.own, *seen_rows(self.ground, [self.cameras[i] for i in stretch.own], *near))
-
-    def _gathered(self, chart_of: Callable[[Stretch], StreetChart], first: int, end: int) -> StreetChart:
+    def gathered(self, chart_of: Callable[[Stretch], StreetChart], first: int, end: int) -> StreetChart:
         """Rows of the drive's chart from ``first`` up to ``end``, as far as there are such, from the stretches that own them."""
         own = [s for s in self.stretches if max(s.rows[0], first) < min(s.rows[1], end)]
         first, end = max(first, own[0].rows[0]), min(end, own[-1].rows[1])
@@ -294,16 +285,6 @@ class StreetFill:
         s_start = self.ground.s_start + TEXEL_M * first
         return StreetChart(self.ground, chart.texel, s_start, chart.t_start, **planes)
 
-    def sources(self) -> ChartSources:
-        """Where the texels of the whole street come from."""
-        sources, labels = [], []
-        for stretch in self.stretches:  # one chart at a time: these are a tenth of it
-            chart = self.own(stretch)
-            sources.append(chart.source)
-            labels.append(chart.label)
-        start = self.ground.s_start + TEXEL_M * self.stretches[0].rows[0]
-        return ChartSources(np.concatenate(sources), np.concatenate(labels), start, chart.t_start, chart.texel)
-
     def told(self, stretch: Stretch, message: str) -> None:
         """Tell that a part of the work is done for a stretch."""
         self.progress(self.stretches.index(stretch) + 1, len(self.stretches), message)
@@ -315,7 +296,7 @@ class StreetFill:
 
     def _read(self, stretch: Stretch) -> StreetChart:
         """The ground of a stretch and of its surroundings as the frames show it."""
-        return self._gathered(self._read_own, *stretch.around)
+        return self.gathered(self._read_own, *stretch.around)
 
     def _read_own(self, stretch: Stretch) -> StreetChart:
         """The ground of a stretch as the frames show it."""
@@ -368,6 +349,41 @@ class StreetFill:
     def _footprint(self, stretch: Stretch, chart: StreetChart) -> Mask:
         near = self.near(stretch)
         return footprint_of(chart, self.removal.objects(near), self.removal.loose(near))
+
+
+@dataclass(frozen=True, eq=False)
+class FilledStreet:
+    """A street whose ground is relit and filled.
+
+    Attributes:
+        street: as it was read; sun: see :meth:`StreetFill.fill`; shadows: likewise.
+    """
+
+    street: StreetFill
+    sun: Sun | None
+    shadows: bool
+
+    def own(self, stretch: Stretch) -> StreetChart:
+        """The filled rows of a stretch."""
+        return self.street.fill_own(stretch, self.sun, shadows=self.shadows)
+
+    def seen_from(self, stretch: Stretch) -> StreetChart:
+        """The filled ground that a stretch's frames see: of its own, and what of the next ones is near."""
+        ground, cameras = self.street.ground, self.street.cameras
+        reach = round(SEEN_M / TEXEL_M)
+        near = max(stretch.rows[0] - reach, 0), min(stretch.rows[1] + reach, rows_of(ground))
+        return self.street.gathered(self.own, *seen_rows(ground, [cameras[i] for i in stretch.own], *near))
+
+    def sources(self) -> ChartSources:
+        """Where the texels of the whole street come from."""
+        stretches = self.street.stretches
+        sources, labels = [], []
+        for stretch in stretches:  # one chart at a time: these are a tenth of it
+            chart = self.own(stretch)
+            sources.append(chart.source)
+            labels.append(chart.label)
+        start = self.street.ground.s_start + TEXEL_M * stretches[0].rows[0]
+        return ChartSources(np.concatenate(sources), np.concatenate(labels), start, chart.t_start, chart.texel)
 
 
 def _surely_more(one: Float64, other: Float64) -> bool:

@@ -38,6 +38,7 @@ from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.instances import Box
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.scene_edit import SceneEdit, write_edit
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import (
@@ -45,7 +46,6 @@ from unveil_core.workspace.files import (
     listed_objects,
     load_array,
     load_selection,
-    save_array,
     save_mask,
 )
 from unveil_core.workspace.movers import ego_pixels, read_moving
@@ -149,7 +149,7 @@ def _vehicles_assumed(boxes: dict[int, Box], names: dict[int, str]) -> Assumptio
 
 
 def run(context: StageContext) -> Facts:
-    """surfels/removed.npy, masks/removed, masks/unobserved, regions. Returns what was assumed of the objects."""
+    """surfels/removal.npz, masks/removed, masks/unobserved, regions. Returns what was assumed of the objects."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir, points=False)
     scene = load_selection(workspace)
@@ -218,10 +218,9 @@ def run(context: StageContext) -> Facts:
         return {"found": remains(surfels, gone, views.cameras, removed, so_far, context.progress)}
 
     gone |= context.kept.once("remains", find_remains)["found"]
-    save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
-    short = shortened(surfels, ~gone, views)
-    save_array(short.table(), context.output("surfels/shortened.npy"))
-    empty = empty_street(short.of(surfels), gone, ground, on_ground)
+    edit = SceneEdit.removing(gone, shortened(surfels, ~gone, views))
+    write_edit(edit, context.output("surfels/removal.npz"))
+    empty = empty_street(edit.apply(surfels), ground, on_ground)
     for done, frame in enumerate(frames):
         last = frame_file(context.output("regions"), frame)
         if not last.is_file():  # not written by an attempt that was interrupted
