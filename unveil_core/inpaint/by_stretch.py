@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.evenly import evenly
 from unveil_core.base.frame_cache import FrameCache, subset
+from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Float64, Mask
@@ -129,6 +130,8 @@ class StreetFill:
     @cached_property
     def light(self) -> ViewLight | None:
         """How bright the ground looks by the place in the picture; None where that changes nothing."""
+        if not on("light_by_view"):
+            return None
 
         def look() -> dict[str, NDArray[Any]]:
             found = light_by_view(self._looks(), self._sizes)
@@ -175,7 +178,7 @@ class StreetFill:
         """The sun: of what the stretches tell the surest. One that explains the dark ground by half only has to fill the street
         better than none."""
         found = []
-        for stretch in self.stretches:
+        for stretch in self.stretches if on("sun") else ():
 
             def look(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
                 chart = self._read(stretch)
@@ -198,7 +201,7 @@ class StreetFill:
         if not found:
             return None
         sun, stretch = max(found, key=lambda one: one[0].score)
-        if sun.score >= CLEAR_SCORE:
+        if sun.score >= CLEAR_SCORE or not on("sun_by_holes"):
             return sun
         with_sun, without = self._on_planted_holes(stretch, sun)
         return sun if _surely_more(without, with_sun) else None
@@ -309,7 +312,7 @@ class StreetFill:
                 self.of_frames(stretch, self.views.labels),
                 self.of_frames(stretch, self.usable),
                 rows=stretch.rows,
-                robust=True,
+                robust=on("robust_chart"),
                 progress=self._progress(stretch),
             ).arrays()
 

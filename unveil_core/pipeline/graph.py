@@ -56,7 +56,7 @@ STAGES: tuple[Stage, ...] = (
         later("segment"),
         ("drive",),
         ("labels.json", "movers", "masks/overlooked"),
-        ("movers",),
+        ("movers", "without"),
         outside=files_of_moving_marks,
     ),
     Stage(
@@ -72,7 +72,7 @@ STAGES: tuple[Stage, ...] = (
         later("reconstruct"),
         inputs=("drive", "labels.json", "movers", "masks/overlooked"),
         outputs=("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"),
-        settings=("quality", "seed", "iterations", "sh_degree", "splats", "adapt"),
+        settings=("quality", "seed", "iterations", "sh_degree", "splats", "adapt", "without"),
         run_block=later("reconstruct", "run_block"),
     ),
     Stage(
@@ -80,6 +80,7 @@ STAGES: tuple[Stage, ...] = (
         later("ground"),
         inputs=("drive", "labels.json", "movers", "masks/overlooked", "surfels/full.ply", "surfels/exposure.json"),
         outputs=("ground",),
+        settings=("without",),
     ),
     Stage(
         "instances",
@@ -105,7 +106,7 @@ STAGES: tuple[Stage, ...] = (
             "ground",
         ),
         outputs=("surfels/removal.npz", "masks/removed", "masks/unobserved", "regions"),
-        settings=("marked", "per_object"),
+        settings=("marked", "per_object", "without"),
         outside=files_of_marked,
     ),
     Stage(
@@ -146,6 +147,7 @@ STAGES: tuple[Stage, ...] = (
             "order",
             "keyframes",
             "per_object",
+            "without",
         ),
     ),
     Stage(
@@ -173,7 +175,7 @@ STAGES: tuple[Stage, ...] = (
             "provenance",
             "certainty",
         ),
-        settings=("quality", "seed", "sh_degree", "inpainter", "corrections"),
+        settings=("quality", "seed", "sh_degree", "inpainter", "corrections", "without"),
         outside=files_of_corrections,
         run_block=later("reoptimize", "run_block"),
     ),
@@ -193,7 +195,7 @@ STAGES: tuple[Stage, ...] = (
             "masks/shadows",
         ),
         outputs=("frames", "st_maps"),
-        settings=("corrections",),
+        settings=("corrections", "without"),
         outside=files_of_corrections,
     ),
     Stage(

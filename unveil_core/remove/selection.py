@@ -9,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.mechanisms import on
 from unveil_core.geometry.grid import PointGrid
 from unveil_core.semantics.instances import Box, fit_box, without_strays
 from unveil_core.semantics.labels import SceneLabels
@@ -57,7 +58,7 @@ def select_removed(
     chosen = np.isin(labels, scene.removed_labels)
     if scene.instances:
         chosen |= np.isin(instance_of_surfel, scene.instances)
-    if axes is not None:
+    if axes is not None and on("object_boxes"):
         means = surfels.means.detach().to(torch.float64).numpy()
         others = np.flatnonzero(~np.isin(labels, scene.removable_labels))
         # An object is compared with what is near it, not with all surfels of a long drive.
@@ -77,7 +78,7 @@ def select_removed(
             above = -MARGIN_M if _hangs(box, means[near], axes) else MARGIN_M
             inside = near[box.contains(means[near], axes, margin=MARGIN_M, above=above)]
             chosen[inside if ground is None else inside[~ground[inside]]] = True
-    return chosen | near_removed(surfels, chosen, too_close)
+    return chosen | near_removed(surfels, chosen, too_close) if on("border_surfels") else chosen
 
 
 def _is_one(box: Box, points: NDArray[np.float64], axes: NDArray[np.float64]) -> bool:

@@ -56,6 +56,8 @@ class Shortened:
 
     def of(self, surfels: Surfels) -> Surfels:
         """The scene with these surfels as they are now."""
+        if not len(self.index):
+            return surfels
         index = torch.from_numpy(self.index)
         means, scales = surfels.means.clone(), surfels.log_scales.clone()
         means[index], scales[index] = torch.from_numpy(self.means), torch.from_numpy(self.log_scales)

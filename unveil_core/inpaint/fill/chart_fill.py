@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.fields.kriging import kriged
@@ -92,7 +93,7 @@ def fill_chart(
     s, t = chart.coordinates()
     inside = chart.ground.inside(np.repeat(s, columns), np.tile(t, rows)).reshape(rows, columns)
     # Without a known sun all has the light that prevails.
-    usual = seen & ~sunny_exceptions(chart, seen) if light is None else seen
+    usual = seen & ~sunny_exceptions(chart, seen) if light is None and on("sunny_exceptions") else seen
     shade = _shade(chart, usual, footprint, light)
     shadow, hopeless = shadows_of_removed(
         chart.color, seen, shade, footprint, light, reach_m=shadow_reach_m, black_ratio=BLACK_RATIO, per_m=per_m
@@ -114,10 +115,10 @@ def fill_chart(
         relit = shadow & seen & ~hole
         gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
         dim = still_dark(chart.color * gain, target, relit, hole, per_m=per_m)
-        if dim.any():
+        if on("still_dark") and dim.any():
             hole, hopeless, relit = hole | dim, hopeless | dim, relit & ~dim
             gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
-        if light is None:
+        if light is None and on("even_sky"):
             gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
@@ -125,7 +126,8 @@ def fill_chart(
         source[relit] = RELIT
     progress(1, 2, "filling the street")
     labels = _labels(chart, seen, hole)
-    fill = (ground + texture_for(hole, fine, even, chart.texel)) * illumination
+    texture = texture_for(hole, fine, even, chart.texel) if on("quilting") else 0
+    fill = (ground + texture) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
     # Beyond the street the chart goes on as it is carried, so that nothing black is blended in at its edge.
@@ -147,7 +149,7 @@ def _carried(chart: StreetChart, sunny: Float32, even: Mask) -> tuple[Float32, F
     ground, fine = np.zeros_like(sunny), np.zeros_like(sunny)
     for part in _streets(chart, even):
         known, color = even[part], sunny[part]
-        lines = lateral_lines(color, known, chart.texel)
+        lines = lateral_lines(color, known, chart.texel) if on("lateral_lines") else np.zeros_like(color)
         carried = kriged(color - lines, known, chart.texel)
         ground[part] = np.clip(carried.all + lines, 0, 1)
         fine[part] = np.where(known[..., None], color - lines - carried.broad, 0)
@@ -157,6 +159,8 @@ def _carried(chart: StreetChart, sunny: Float32, even: Mask) -> tuple[Float32, F
 def _streets(chart: StreetChart, known: Mask) -> list[slice]:
     """The rows of all, then those of each street between corners of which something is ``known`` (A, B): in a corner the ground is
     that of all, before and after it each street has its own."""
+    if not on("streets_apart"):
+        return [slice(None)]
     streets = parts_between_corners(chart.ground.path, chart.coordinates()[0])
     return [slice(None), *(part for part in streets if len(streets) > 1 and known[part].any())]
 
@@ -172,6 +176,8 @@ def _profile(chart: StreetChart) -> Profile:
 
     def of_one(color: Float32, usable: Mask) -> Float32:
         long, short = (lateral_profile(color, usable, window=window, hop=hop)[0] for window, hop in windows)
+        if not on("short_profile"):
+            return long
         brighter = (short / np.maximum(long, 0.02) - 1).astype(np.float32)
         same = np.abs(luminance(brighter)) < OTHER_PAINT
         return (long * (1 + spread_from(brighter, same, [ACROSS_M * per_m]))).astype(np.float32)

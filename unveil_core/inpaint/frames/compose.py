@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.images import border_px, grow, masked_blur, scale_from_384
 
@@ -23,6 +24,8 @@ def in_the_light_of(rendered: Picture, filled: Picture, removed: Mask) -> Pictur
     Args:
         filled: (H, W, 3) before the scene was optimized; removed: (H, W) pixels of which both show the empty street.
     """
+    if not on("filled_light"):
+        return rendered
     picture = rendered.astype(np.float32)
     sigma = LIGHT_PX * scale_from_384(removed.shape[1])
     light = masked_blur(filled.astype(np.float32) - picture, removed, sigma)
@@ -38,7 +41,7 @@ def optimized_pixels(removed: Mask, moving: Mask) -> Mask:
     Args:
         removed: (H, W) pixels of removed objects; moving: (H, W) pixels of dynamic ones.
     """
-    return removed & ~grow(moving, border_px(removed.shape[1]))
+    return removed & ~grow(moving, border_px(removed.shape[1])) if on("optimized_pixels") else np.zeros_like(removed)
 
 
 def compose_frame(

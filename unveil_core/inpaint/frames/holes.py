@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
@@ -173,7 +174,7 @@ def missing_depth(task: FrameTask, background: BackgroundLayers, empty: Mask) ->
     depth = complete_depth(
         background.rendered["depth"], background.rendered["alpha"] > IN_FRONT_ALPHA, empty, background.ceiling
     )
-    if task.free is None:
+    if task.free is None or not on("free_space"):
         return depth
     return task.free.behind(task.camera, empty, depth, ceiling=background.ceiling, furthest=CARRIED_M)
 

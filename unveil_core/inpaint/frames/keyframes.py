@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import ASKED_M
@@ -95,7 +96,7 @@ def plan_keyframes(
     counts = [np.ones(size, dtype=bool) for size in every.sizes]
     least = np.array([area_px((c.height, c.width), LEAST_PX) for c in every.cameras])
     if given is None:
-        if order == "reverse":
+        if order == "reverse" and on("deferred_places"):
             counts = [_sharpest_here(every, i, kept) for i in range(len(holes))]
         chosen = _greedy(every, counts, late, least, kept.checkpoint("chosen"))
     else:
@@ -122,7 +123,7 @@ def plan_keyframes(
             masks = {"free": _bits(free), "deferred": _bits([k.deferred.ravel() for k in keyframes])}
             checkpoint.save(masks, {"turn": turn, "told": told})
         hole, invents = holes[i], free[i]
-        if order == "reverse":
+        if order == "reverse" and on("deferred_places"):
             invents = invents & ~sharper_elsewhere(hole, every.near(hole, chosen[turn + 1 :], i))
         if given is None and invents.sum() < least[i]:
             continue  # frames that were chosen later and come earlier show together what it was chosen for

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
@@ -40,7 +41,8 @@ def new_ground(
     near[row[inside], column[inside]] = 1
     near = cv2.dilate(near, disc(max(1, int(2 * AROUND_M / chart.texel) // 2)))
     # An object that is seen from one side only hides ground far behind it; without surfels the sky would show there.
-    return (chart.source == INVENTED) & ((near > 0) | texels_in_pixels(chart, cameras, masks))
+    in_view = texels_in_pixels(chart, cameras, masks) if on("ground_in_view") else False
+    return (chart.source == INVENTED) & ((near > 0) | in_view)
 
 
 def displaced_by(chart: StreetChart, region: Mask, surfels: Surfels, ground_labels: Sequence[int]) -> Mask:

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.mechanisms import on
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.light.crowns import complete_crowns
@@ -63,7 +64,7 @@ class Casters:
     def of(chart: StreetChart, kept: Surfels, gone: Surfels, kinds: Kinds) -> Casters:
         kept, gone = (_in_company(_standing(chart, surfels, kinds.ground), kinds.solid) for surfels in (kept, gone))
         trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), kinds.plants)))
-        return Casters(concatenate([kept, complete_crowns(trees, chart.ground)]), gone)
+        return Casters(concatenate([kept, complete_crowns(trees, chart.ground)]) if on("crowns") else kept, gone)
 
 
 def _standing(chart: StreetChart, surfels: Surfels, ground: Sequence[int]) -> Surfels:
@@ -76,8 +77,8 @@ def _standing(chart: StreetChart, surfels: Surfels, ground: Sequence[int]) -> Su
 def _in_company(surfels: Surfels, solid: Sequence[int]) -> Surfels:
     """Without surfels that float alone, unless they are solid: of walls that few frames show there are few."""
     places = surfels.means.detach().double().numpy()
-    alone = np.ones(len(places), dtype=bool)
-    if len(places) > COMPANY:
+    alone = np.full(len(places), on("caster_company"))
+    if len(places) > COMPANY and on("caster_company"):
         alone = cKDTree(places).query(places, k=COMPANY + 1)[0][:, -1] > COMPANY_M
     return surfels.select(torch.from_numpy(~alone | np.isin(surfels.labels.numpy(), solid)))
 
@@ -98,7 +99,11 @@ def cast_on_chart(chart: StreetChart, casters: Surfels, towards: NDArray[np.floa
     # No light comes through chinks, nor between a wall and the ground at its foot.
     chinks = disc(CHINK_M / chart.texel)
     plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
-    return lit_at_sunny_walls(chart, plane, inside, towards, round(AT_FOOT_M / chart.texel))
+    return (
+        lit_at_sunny_walls(chart, plane, inside, towards, round(AT_FOOT_M / chart.texel))
+        if on("lit_wall_feet")
+        else plane
+    )
 
 
 def lit_at_sunny_walls(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import grey_closing, grey_opening, label
 
+from unveil_core.base.mechanisms import on
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
@@ -75,7 +76,7 @@ def solid_columns(
     columns, top = columns[flush], top[flush]
     top = as_high_as_beside(chart, columns * cell, top, cameras)  # type: ignore[arg-type]
     parts, tops = [columns], [top]
-    for end in _ends(columns, top, round(BEYOND_M / COLUMN_M)):
+    for end in _ends(columns, top, round(BEYOND_M / COLUMN_M)) if on("houses_beyond") else ():
 
         def score(on: float, high: float, end: _End = end) -> float:
             found = None if judge is None else judge(_discs(chart, *end.drawn_out(on, high), surfels.sh_degree))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur, within
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
@@ -103,6 +104,8 @@ def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m:
     """
     if not footprint.any():
         return 0.0
+    if not on("evident_reach"):
+        return most_m
     bins = int(most_m / BIN_M)
     step = max(1, int(BIN_M * per_m / 2))
     dark, seen, footprint = (m[::step, ::step] for m in (dark, seen, footprint))
@@ -143,7 +146,7 @@ def object_shadows(
     ended = (inside > ENDS * size)[place] & dark & zone
     _, patch = cv2.connectedComponents(ended.astype(np.uint8), connectivity=8)
     own: Mask = np.isin(patch, np.unique(patch[ended & touched])) & ended
-    return own & _darker_than_beside(own, level, seen & ~explained, per_m)
+    return own & _darker_than_beside(own, level, seen & ~explained, per_m) if on("ended_shadows") else own
 
 
 def shadows_of_removed(
@@ -267,6 +270,8 @@ def still_dark(relit: Float32, target: Float32, inside: Mask, hole: Mask, *, per
 def levelled_border(shadow: Mask, per_m: float) -> Mask:
     """(A, B) the border of a shadow (A, B) that is taken away, within which every texel becomes as bright as its lateral offset,
     whatever is painted there; per_m: texels per metre."""
+    if not on("levelled_border"):
+        return np.zeros_like(shadow)
     border: Mask = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_GRADIENT, disc(PENUMBRA_M * per_m)) > 0
     return border
 

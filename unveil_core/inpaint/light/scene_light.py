@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.light.casters import NO_KINDS, Casters, Kinds, cast_on_chart, in_shadow_of
@@ -51,7 +52,9 @@ def light_of_scene(
     # Between two cars there is little else than what lies beside them.
     observed = evidence.mask(CONTACT_M / 4)
     ground = evidence.light_seen(observed, evidence.dark(observed))
-    solid_ones = _with_solid_houses(evidence, casters.kept, casters.gone, kinds.solid, sun, ground)
+    solid_ones = casters.kept
+    if on("houses"):
+        solid_ones = _with_solid_houses(evidence, casters.kept, casters.gone, kinds.solid, sun, ground)
     of_kept, of_gone = (cast_on_chart(chart, surfels, sun.towards) for surfels in (solid_ones, casters.gone))
     return Light(sun, of_kept, of_gone)
 

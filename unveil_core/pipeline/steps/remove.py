@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.mechanisms import on
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
@@ -38,7 +39,7 @@ from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.instances import Box
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.surfels.scene_edit import SceneEdit, write_edit
+from unveil_core.surfels.scene_edit import NOT_SHORTENED, SceneEdit, write_edit
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import (
@@ -162,9 +163,9 @@ def run(context: StageContext) -> Facts:
     gone = select_removed(
         surfels, of_surfel, scene, too_close=0.08, axes=up_frame(UP), ground=of_ground, not_one=boxes.__setitem__
     )
-    if not on_ground:
+    if not on_ground and on("loose_ends"):
         gone |= _loose_ends(drive, scene, surfels, gone)
-    if on_ground and ground.street is not None:
+    if on_ground and ground.street is not None and on("floating_ground"):
         gone |= _floating(drive, scene, surfels, ground.street)
     by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]
     # No label or instance image tells where these are: they are drawn apart.
@@ -193,8 +194,9 @@ def run(context: StageContext) -> Facts:
         own = object_mask(frame, scene, known + marked) | moving.pixels(frame)
         own |= marked_pixels(by_hand, drive, frame, marked)
         photograph = exposures.read(frame)
-        own |= missed_pixels(photograph, array(full.rgb), known, own)
-        if by_masks and ground.street is not None:
+        if on("missed_objects"):
+            own |= missed_pixels(photograph, array(full.rgb), known, own)
+        if by_masks and on("cut_off_pieces") and ground.street is not None:
             depth = array(full.depth) / np.maximum(array(full.alpha), SEEN)
             own |= cut_off_pixels(photograph, frame.camera, depth.astype(np.float64), own, ground.street)
         for number, part in single.items():
@@ -217,8 +219,10 @@ def run(context: StageContext) -> Facts:
         so_far = context.kept.checkpoint("remains_so_far")
         return {"found": remains(surfels, gone, views.cameras, removed, so_far, context.progress)}
 
-    gone |= context.kept.once("remains", find_remains)["found"]
-    edit = SceneEdit.removing(gone, shortened(surfels, ~gone, views))
+    if on("remains"):
+        gone |= context.kept.once("remains", find_remains)["found"]
+    short = shortened(surfels, ~gone, views) if on("shortened") else NOT_SHORTENED
+    edit = SceneEdit.removing(gone, short)
     write_edit(edit, context.output("surfels/removal.npz"))
     empty = empty_street(edit.apply(surfels), ground, on_ground)
     for done, frame in enumerate(frames):

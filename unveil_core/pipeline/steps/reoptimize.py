@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.mechanisms import on
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask
 from unveil_core.corrections.files import corrections_of
@@ -55,7 +56,7 @@ def run(context: StageContext) -> None:
     corrections = _corrections(context, drive, scene[0])
     clean = _inpainted(context, drive, corrections)
     work = _work(context, drive, scene, clean, sky, corrections)
-    empty = work.whole()
+    empty = work.whole() if on("reoptimization") else work.surfels
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     work.parts.tidy()
     del work, scene  # the scene as it was
