@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from dataclasses import replace
 from importlib import import_module
@@ -36,6 +37,15 @@ def asking_modules() -> dict[str, set[str]]:
             module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
             found.setdefault(name, set()).add(module)
     return found
+
+
+def test_nothing_else_is_called_as_the_question_is() -> None:
+    """A variable of that name would hide it in its function, which no checker tells."""
+    for modules in asking_modules().values():
+        for module in modules:
+            tree = ast.parse((ROOT / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8"))
+            bound = [n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)]
+            assert "on" not in [*bound, *(n.arg for n in ast.walk(tree) if isinstance(n, ast.arg))], module
 
 
 def test_what_is_listed_is_asked_for_in_its_stage_and_nothing_else_is() -> None:
@@ -102,7 +112,7 @@ def test_a_stage_runs_without_what_is_its_own(tmp_path: Path) -> None:
 def test_without_a_mechanism_the_result_is_another() -> None:
     """Of one: what touches a removed surfel goes with it, or stays."""
     surfels = surfels_at(np.array([[0.0, 0, 0], [0.05, 0, 0], [5.0, 0, 0]]), np.array([2, 0, 0]))
-    gone = [select_removed(surfels, np.zeros(3, np.int64), scene(("car",)), too_close=0.08).tolist()]
+    gone = [select_removed(surfels, np.zeros(3, np.int64), scene(("car",)), too_close=0.08).removed.tolist()]
     with without(["border_surfels"]):
-        gone.append(select_removed(surfels, np.zeros(3, np.int64), scene(("car",)), too_close=0.08).tolist())
+        gone.append(select_removed(surfels, np.zeros(3, np.int64), scene(("car",)), too_close=0.08).removed.tolist())
     assert gone == [[True, True, False], [True, False, False]]

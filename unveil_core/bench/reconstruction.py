@@ -144,7 +144,7 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
 
 def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[Frame, ...]) -> dict[str, Any]:
     """The unobserved pixels by the alpha maps, without the removable classes, against the true ones; empty without truth."""
-    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M)
+    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M).removed
     remaining = surfels.select(torch.from_numpy(~gone))
     both = either = 0
     for frame in frames:
