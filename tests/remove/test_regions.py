@@ -9,7 +9,7 @@ import torch
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.images import grow
 from unveil_core.remove import selection
-from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map, unobserved_mask
+from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map
 from unveil_core.remove.selection import MARGIN_M, near_removed, select_removed
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.instances import Box, fit_box, without_strays
@@ -193,25 +193,6 @@ def test_near_removed_leaves_out_the_removed() -> None:
     removed = np.array([False, False, True, False, False])
     assert near_removed(surfels, removed, 0.11).tolist() == [False, True, False, True, False]
     assert not near_removed(surfels, np.zeros(5, bool), 1.0).any()
-
-
-def test_ideal_mask_spares_sky_and_glass() -> None:
-    full, left = np.ones((20, 40), np.float32), np.ones((20, 40), np.float32)
-    full[:, :10] = left[:, :10] = 0.0  # sky: no surfel before or after
-    full[:, 10:20] = left[:, 10:20] = 0.6  # glass
-    left[:, 20:30] = 0.2  # a hole
-    left[:, 30:] = 0.995  # well covered by other views
-    everywhere = np.ones((20, 40), bool)
-    mask = unobserved_mask(full, left, everywhere)
-    assert mask[:, 20:30].all()
-    assert mask.sum() == 200
-    assert not unobserved_mask(full, left, ~everywhere).any()
-
-
-def test_specks_are_no_holes() -> None:
-    full, left = np.ones((20, 20), np.float32), np.ones((20, 20), np.float32)
-    left[5, 5] = 0
-    assert not unobserved_mask(full, left, np.ones((20, 20), bool)).any()
 
 
 def test_region_map() -> None:

@@ -28,15 +28,14 @@ from unveil_core.inpaint.chart.files import ChartSources
 from unveil_core.inpaint.chart.footprint import footprint_of
 from unveil_core.inpaint.chart.looks import read_looks
 from unveil_core.inpaint.chart.planted import plant_holes
-from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.casters import Kinds
-from unveil_core.inpaint.light.scene_light import light_of_scene, sun_of_scene
+from unveil_core.inpaint.light.scene_light import Evidence, light_of_scene, sun_of_scene
 from unveil_core.inpaint.light.sun import Sun
 from unveil_core.inpaint.light.view_light import GroundLooks, ViewLight, light_by_view, unlit
 from unveil_core.inpaint.street_scene import Removal, Views
-from unveil_core.inpaint.stretches import CASTS_M, Stretch
+from unveil_core.inpaint.stretches import CASTS_M, Stretch, seen_rows
 from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
@@ -113,9 +112,9 @@ class StreetFill:
         asked[[s.argmin(), s.argmax()]] = True
         return np.flatnonzero(asked).tolist()
 
-    def _looking(self, stretch: Stretch) -> list[Camera]:
-        """The cameras of these frames."""
-        return [self.cameras[i] for i in self._asked(stretch)]
+    def _evidence(self, stretch: Stretch, chart: StreetChart, footprint: Mask) -> Evidence:
+        """What tells of the sun."""
+        return Evidence(chart, footprint, [self.cameras[i] for i in self._asked(stretch)])
 
     def _hidden(self, frame: int) -> Mask:
         """(H, W) pixels of a frame that show something that goes, with their borders."""
@@ -184,12 +183,7 @@ class StreetFill:
                 chart = self._read(stretch)
                 kept, gone = self._near(stretch)
                 sun = sun_of_scene(
-                    chart,
-                    kept,
-                    gone,
-                    footprint=self._footprint(stretch, chart),
-                    cameras=self._looking(stretch),
-                    kinds=self._kinds,
+                    self._evidence(stretch, chart, self._footprint(stretch, chart)), kept, gone, self._kinds
                 )
                 return {"sun": np.array([] if sun is None else [sun.score, sun.azimuth, sun.elevation, *sun.towards])}
 
@@ -257,15 +251,7 @@ class StreetFill:
         light = None
         if sun is not None:
             kept, gone = self._near(stretch)
-            light = light_of_scene(
-                chart,
-                kept,
-                gone,
-                footprint=footprint,
-                cameras=self._looking(stretch),
-                kinds=self._kinds,
-                sun=sun,
-            )
+            light = light_of_scene(self._evidence(stretch, chart, footprint), kept, gone, self._kinds, sun)
         reach = SHADOW_REACH_M if shadows else 0.0
         return fill_chart(chart, footprint, light=light, shadow_reach_m=reach, progress=self._progress(stretch))
 

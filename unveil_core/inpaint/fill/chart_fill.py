@@ -51,16 +51,10 @@ WINDOW_M, HOP_M = 5.0, 4.0
 than a parked car, so that each holds open road; chosen on the two sample streets."""
 LONG_WINDOW_M, LONG_HOP_M = 20.0, 8.0
 """The same of the stretch that tells what is painted there: a zebra crossing is 4 m long, and a hole beside it as much again."""
-SHADOW_RATIO = 0.82
-"""Without a known sun: luma of a texel, as a share of its offset's lit level, below which it lies in shadow. Soft shadows under an
-overcast sky take about a quarter of the light; chosen on the two sample streets."""
 SHADOW_REACH_M = 2.0
 """Without a known sun: how far from its object a removed object's shadow may reach, metres. An even sky loses the share
 (1 - d / sqrt(d^2 + h^2)) / 2 of its light at a distance d from a long wall of height h, so that the light falls to SHADOW_RATIO at
 0.85 h: 1.9 m from a van, 1.3 m from a car."""
-BLACK_RATIO = 0.3
-"""Luma of a shadowed texel, as a share of its lit level, below which it holds no texture to relight and is invented: relighting
-would multiply its noise by more than three."""
 BORDER_M = 0.12
 """Width beyond the border of a shadow or an object that is neither, metres: the penumbra, and texels that mix the two."""
 ASIDE_M = 0.4
@@ -96,7 +90,7 @@ def fill_chart(
     usual = seen & ~sunny_exceptions(chart, seen) if light is None and on("sunny_exceptions") else seen
     shade = _shade(chart, usual, footprint, light)
     shadow, hopeless = shadows_of_removed(
-        chart.color, seen, shade, footprint, light, reach_m=shadow_reach_m, black_ratio=BLACK_RATIO, per_m=per_m
+        chart.color, seen, shade, footprint, light, reach_m=shadow_reach_m, per_m=per_m
     )
     hole = inside & (~seen | hopeless)
     # The penumbra reaches a little beyond what counts as dark.
@@ -196,9 +190,7 @@ def _shade(chart: StreetChart, seen: Mask, footprint: Mask, light: Light | None)
     per_m = 1.0 / chart.texel
     if light is None:
         window, hop = int(WINDOW_M * per_m), max(1, int(HOP_M * per_m))
-        return prevailing_shade(
-            chart.color, seen, footprint, shadow_ratio=SHADOW_RATIO, window=window, hop=hop, per_m=per_m
-        )
+        return prevailing_shade(chart.color, seen, footprint, window=window, hop=hop, per_m=per_m)
     profile = _profile(chart)
     # Right beside an object it is dark whatever the sun does, which would pass for the colour of its offset.
     clear = ~grow(footprint, CONTACT_M * per_m)

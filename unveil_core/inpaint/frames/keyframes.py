@@ -249,8 +249,8 @@ def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole)
     return shown[other.mask].astype(bool)
 
 
-def sharper_elsewhere(hole: Hole, others: Iterable[Hole], factor: float = MUCH_SHARPER) -> Mask:
-    """(P,) which of a hole's pixels show a place that lies in another frame's hole, too, and is ``factor`` times finer there."""
+def sharper_elsewhere(hole: Hole, others: Iterable[Hole]) -> Mask:
+    """(P,) which of a hole's pixels show a place that lies in another frame's hole, too, and is much finer there."""
     step = max(1, math.ceil(math.sqrt(len(hole.depth) / ASKED_PX)))
     row, column = np.nonzero(hole.mask)
     # One pixel of each block is asked for, and answers for the block.
@@ -265,7 +265,7 @@ def sharper_elsewhere(hole: Hole, others: Iterable[Hole], factor: float = MUCH_S
         if not len(open_):
             break
         row, column, inside, depth = _in_view(other, points[open_])
-        finer = inside & other.mask[row, column] & (depth / other.camera.fx * factor < size[open_])
+        finer = inside & other.mask[row, column] & (depth / other.camera.fx * MUCH_SHARPER < size[open_])
         found[open_[finer]] = True
     answer: Mask = found[block.ravel()]
     return answer

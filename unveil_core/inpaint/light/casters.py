@@ -18,7 +18,7 @@ from unveil_core.inpaint.light.crowns import complete_crowns
 from unveil_core.inpaint.light.shadow_map import Discs, in_shadow
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["NO_KINDS", "Casters", "Kinds", "cast_on_chart", "in_shadow_of", "lit_at_sunny_walls"]
+__all__ = ["NO_KINDS", "Casters", "Kinds", "cast_on_chart", "lit_at_sunny_walls"]
 
 CHINK_M = 0.25
 """Radius of lit gaps that are filled in cast shadows, metres: surfels leave holes that a wall has not."""
@@ -30,9 +30,6 @@ COMPANY, COMPANY_M = 6, 0.75
 street is a remainder of something, and as large as a car's hood."""
 STANDS_M = 0.25
 """Height over the ground above which surfels cast shadows, metres: kerbs and the ground's own noise are lower."""
-MAP_CELL_M, MAP_BIAS_M = 0.06, 0.15
-"""Pixel of the shadow map, and how much nearer to the sun a caster must be than what it shades, metres: a texel and a half, and
-the noise of the ground's surfels."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +80,6 @@ def _in_company(surfels: Surfels, solid: Sequence[int]) -> Surfels:
     return surfels.select(torch.from_numpy(~alone | np.isin(surfels.labels.numpy(), solid)))
 
 
-def in_shadow_of(points: NDArray[np.float64], casters: Discs, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(P,) which world points (P, 3) the casters keep from the sun in a direction (3,)."""
-    return in_shadow(points, casters, towards, cell=MAP_CELL_M, bias=MAP_BIAS_M)
-
-
 def cast_on_chart(chart: StreetChart, casters: Surfels, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(A, B) ground in the shadow of the casters, towards the sun (3,)."""
     shape = chart.source.shape
@@ -95,7 +87,7 @@ def cast_on_chart(chart: StreetChart, casters: Surfels, towards: NDArray[np.floa
     inside = chart.ground.inside(np.repeat(s, shape[1]), np.tile(t, shape[0])).reshape(shape)
     rows, columns = np.nonzero(inside)
     plane = np.zeros(shape, dtype=bool)
-    plane[rows, columns] = in_shadow_of(chart.world(rows, columns), Discs.of(casters), towards)
+    plane[rows, columns] = in_shadow(chart.world(rows, columns), Discs.of(casters), towards)
     # No light comes through chinks, nor between a wall and the ground at its foot.
     chinks = disc(CHINK_M / chart.texel)
     plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside

@@ -23,6 +23,12 @@ __all__ = [
     "under_an_even_sky",
 ]
 
+SHADOW_RATIO = 0.82
+"""Without a known sun: luma of a texel, as a share of its offset's lit level, below which it lies in shadow. Soft shadows under an
+overcast sky take about a quarter of the light; chosen on the two sample streets."""
+BLACK_RATIO = 0.3
+"""Luma of a shadowed texel, as a share of its lit level, below which it holds no texture to relight and is invented: relighting
+would multiply its noise by more than three."""
 STRIP_M, REACH_M = 20.0, 3.0
 """Length of the strips that are relit one after the other, metres, and how far a texel's gain looks: two blurs with 1 m around it
 and what they are masked by, half a metre each."""
@@ -72,22 +78,19 @@ SMOOTH_M, SPECK_M = 0.06, 0.12
 a few centimetres from their offset."""
 
 
-def prevailing_shade(
-    color: Float32, seen: Mask, footprint: Mask, *, shadow_ratio: float, window: int, hop: int, per_m: float
-) -> Shade:
+def prevailing_shade(color: Float32, seen: Mask, footprint: Mask, *, window: int, hop: int, per_m: float) -> Shade:
     """Shade without a known sun: dark is what is darker than its lateral offset mostly is, and its ratio is 1, because nothing says
     which shadows stay.
 
     Args:
         color: (A, B, 3) of the chart; seen: (A, B).
         footprint: (A, B) texels under removed objects: under a lorry all of an offset is dark for longer than the window.
-        shadow_ratio: a texel darker than this share of its offset's lit level is dark.
         window, hop: of the lateral profile, texels; per_m: texels per metre.
     """
     clear = seen & ~grow(footprint, CLEAR_M * per_m)
     median, level = lateral_profile(color, clear, window=window, hop=hop)
     smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
-    dark = seen & (smooth < shadow_ratio * level)
+    dark = seen & (smooth < SHADOW_RATIO * level)
     # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
     opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * per_m))
     scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
@@ -157,7 +160,6 @@ def shadows_of_removed(
     light: Light | None,
     *,
     reach_m: float,
-    black_ratio: float,
     per_m: float,
 ) -> tuple[Mask, Mask]:
     """Seen texels (A, B) in the shadow of removed objects, and those that are too dark or too near to them to be relit.
@@ -167,7 +169,6 @@ def shadows_of_removed(
         footprint: (A, B) texels under or inside removed objects.
         light: the shadows that the scene casts, None where that is not known.
         reach_m: how far from its object a shadow may lie where the light is not known, metres; 0 = shadows stay.
-        black_ratio: a shadowed texel darker than this share of its lit level holds no texture to relight.
         per_m: texels per metre.
     """
     if reach_m <= 0:
@@ -197,7 +198,7 @@ def shadows_of_removed(
         shadow = shadow | around(seen & (in_shade < DEEPER), nothing, reach_m, in_shade)
     # What is nearly black has nothing to relight; under a lorry, whose floor is high, there are lines to be seen.
     shadow = shadow | (footprint & shade.dark)
-    hopeless = seen & shadow & (level < black_ratio)
+    hopeless = seen & shadow & (level < BLACK_RATIO)
     hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(SPECK_M * per_m)).astype(bool) & seen
     # Its border is mixed with it.
     hopeless |= grow(hopeless, SPECK_M * per_m) & shadow & seen
