@@ -11,6 +11,7 @@ from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur, within
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
+from unveil_core.inpaint.chart.planted import MOVED_M
 from unveil_core.inpaint.light.shade import Light, Shade
 
 __all__ = [
@@ -61,10 +62,6 @@ MIXED_M, BRIGHT = 0.3, 0.93
 """Distance from what nobody saw within which a texel mixes the ground with the object that hid it, metres: a pixel at 15 m; and the
 share of its lit level below which it still does when it is relit. Cast shadows of eight streets: 0.6 dB more on 72 and on a sample
 street, 0.3 on 50, -0.3 on a sample street without labels, the others the same; dark strokes where cars stood are gone."""
-PLANTED_M = tuple(
-    (along, across) for along in (-18.0, -12.0, -6.0, 0.0, 6.0, 12.0, 18.0) for across in (-5.0, -2.5, 0.0, 2.5, 5.0)
-)
-"""Ways, along and across the street, metres, by which footprints are moved to where nothing stood."""
 BIN_M, EVIDENT = 0.2, 0.5
 """Width of the rings around footprints that are compared, metres, and the share of what is dark around removed objects, up to
 which planted ones may have the same around them, for it to be the objects' doing: with half, every second texel would be."""
@@ -123,7 +120,7 @@ def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m:
     unaffected = seen & ~within(footprint, most_m * per_m)
     found = shares(footprint, seen)
     planted = np.zeros((2, bins), dtype=np.int64)
-    for along, across in PLANTED_M:
+    for along, across in MOVED_M:
         moved = np.array([[1, 0, across * per_m], [0, 1, along * per_m]], dtype=np.float32)
         stood = cv2.warpAffine(footprint.astype(np.uint8), moved, footprint.shape[::-1], flags=cv2.INTER_NEAREST) > 0
         if stood.any():
