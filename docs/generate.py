@@ -219,6 +219,14 @@ def recorded_settings() -> str:
     return "\n".join(lines)
 
 
+def mechanism_table() -> str:
+    """What a run can do without, by stage."""
+    from unveil_core.pipeline.mechanisms import MECHANISMS
+
+    rows = [f"| `{m.name}` | `{m.stage}` | {m.says} |" for m in MECHANISMS.values()]
+    return "\n".join(["| mechanism | stage | what it does |", "|---|---|---|", *rows])
+
+
 def addon_settings() -> str:
     """The table that the add-on reads."""
     from unveil_core.pipeline.options.for_addon import table_as_json
@@ -270,7 +278,7 @@ PARTS = {
         "fuzzing": robust.fuzzing,
         "blender": robust.blender,
     },
-    "command.md": {"settings": settings_table},
+    "command.md": {"settings": settings_table, "mechanisms": mechanism_table},
     "development.md": {"packages": drawing, "package table": package_table},
     "exports.md": {"formats": export_table},
     "workspace.md": {"stages": stage_table, "settings": recorded_settings},

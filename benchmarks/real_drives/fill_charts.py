@@ -136,10 +136,10 @@ def fill(root: Path, chart: Path, holes: Path, output: Path) -> None:
             with np.load(path) as data:
                 street.holes, street.footprint = data["holes"] > 0, data["footprint"]
             street.kept = Kept(Path(scratch) / path.stem)
-            street.fill(sun, shadows=True)
+            filled = street.fill(sun, shadows=True) or street  # the street itself is what older trees fill
             color = np.zeros(planes["color"].shape, np.uint8)
             for stretch in street.stretches:
-                color[slice(*stretch.rows)] = np.round(np.clip(street.own(stretch).color, 0, 1) * 255)
+                color[slice(*stretch.rows)] = np.round(np.clip(filled.own(stretch).color, 0, 1) * 255)
             np.savez_compressed(output / path.name, color=color)
 
 

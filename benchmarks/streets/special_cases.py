@@ -1,33 +1,32 @@
-"""What the special cases of inpainting are worth: each switched off by itself, on streets by seed.
+"""What single mechanisms of the method are worth: each switched off by itself, on streets by seed.
 
-    python benchmarks/streets/special_cases.py --seeds 0-9 [--cases houses,facades] [--quality standard] [--cache DIR] [--keep DIR]
+    python benchmarks/streets/special_cases.py --seeds 0-9 [--cases NAMES | all] [--quality standard] [--cache DIR] [--keep DIR]
+    python benchmarks/streets/special_cases.py --list
 
-A street is run once with everything on, up to its frames. For each case a copy of that workspace is run again from the first stage
-that the case belongs to, in a process in which the case's functions do nothing; what comes out the same is not made again. In
+A street is run once with everything on, up to its frames. For each case a copy of that workspace is run again without it
+(``RunSettings.without``), from the first stage that the case belongs to; what comes out the same is not made again. In
 benchmarks/results/special_cases.json, for each seed: figures of the removed region with everything on (``all_on``), and by case
 what they are without it, with ``change``, without minus with: a case that pays has a negative change of ``psnr`` and
 ``line_recall``. The change of ``seconds`` is of the stages from the case's first one up to the frames. ``means`` has the mean
-change by case, and on how many streets it changed anything. Held-out seeds are refused.
+change by case, and on how many streets it changed anything. Held-out seeds are refused. ``--list`` names all mechanisms with the
+lines of code that go with each, most first.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
 import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from importlib import import_module
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
@@ -38,92 +37,46 @@ from sample_scenes.generators.streets.make_streets import make, seeds_of  # noqa
 from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine, program_commit  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402
-from unveil_core.inpaint.facade.facade_chart import InventedFacades  # noqa: E402
 from unveil_core.pipeline.graph import STAGES  # noqa: E402
+from unveil_core.pipeline.mechanisms import MECHANISMS, Mechanism  # noqa: E402
 from unveil_core.pipeline.run import run  # noqa: E402
 from unveil_core.pipeline.runner import run_stages  # noqa: E402
 from unveil_core.pipeline.settings import RunSettings  # noqa: E402
 from unveil_core.workspace.workspace import Workspace  # noqa: E402
 
 RESULTS = ROOT / "benchmarks/results/special_cases.json"
-LAST = "deliver"
-"""The stage that writes the frames, which are measured."""
+FIRST, LAST = "ground", "deliver"
+"""The first stage that a case may belong to, for all cases share a reconstruction; and that which writes the frames."""
 ALL_ON = "all_on"
-INPAINT = "unveil_core.inpaint"
 
 
-@dataclass(frozen=True)
-class Case:
-    """A special case, and how it is switched off.
-
-    Attributes:
-        says: what it does, in short.
-        off: by ``module:function``, as the caller's module knows it, what takes its place.
-        stage: the first stage that it belongs to.
-    """
-
-    says: str
-    off: dict[str, Callable[..., Any]]
-    stage: str = "inpaint"
-
-
-def nothing(*_: Any, **__: Any) -> None:
-    """Nothing is found."""
+def lines_of(mechanism: Mechanism) -> int:
+    """Lines of code that go with a mechanism."""
+    total = 0
+    for part in mechanism.apply:
+        module, _, name = part.partition(":")
+        text = (ROOT / "unveil_core" / f"{module.replace('.', '/')}.py").read_text(encoding="utf-8")
+        if not name:
+            total += len(text.splitlines())
+            continue
+        nodes = ast.parse(text).body
+        for piece in name.split("."):
+            node = next(n for n in nodes if getattr(n, "name", "") == piece)
+            nodes = getattr(node, "body", [])
+        total += (node.end_lineno or node.lineno) - node.lineno + 1
+    return total
 
 
-CASES = {
-    "houses": Case(
-        "houses are solid columns in the shadow map, flush with their facades, and go on beyond the drive's ends",
-        {
-            f"{INPAINT}.light.scene_light:solid_columns": lambda chart, surfels, *_, **__: surfels.select(
-                torch.zeros(len(surfels), dtype=torch.bool)
-            ),
-            f"{INPAINT}.light.scene_light:flush_with_facades": lambda chart, surfels, *_, **__: np.ones(
-                len(surfels), dtype=bool
-            ),
-        },
-    ),
-    "barriers": Case(
-        "hedges, garden walls and fences go on behind cars", {f"{INPAINT}.upright:read_barriers": nothing}
-    ),
-    "quilting": Case(
-        "invented ground gets the texture of seen ground",
-        {
-            f"{INPAINT}.fill.texture:quilt": lambda detail, *_, **__: np.zeros_like(detail),
-            # Which lays the texture of the neighbours where no patch came from, and would do so everywhere.
-            f"{INPAINT}.fill.texture:_beside_what_is_known": lambda quilted, *_, **__: quilted,
-        },
-    ),
-    "facades": Case(
-        "facades are completed by other parts of themselves, and the sky over them",
-        {
-            f"{INPAINT}.upright:invented_facades": lambda chart, **_: InventedFacades(
-                None, None, None, np.zeros_like(chart.known)
-            )
-        },
-    ),
-    "path_ahead": Case(
-        "the street is followed ahead of the last camera by what is seen of it; else it goes on as the camera drove",
-        {"unveil_core.pipeline.steps.ground:path_ahead": lambda ground, *_, **__: ground.path},
-        stage="ground",
-    ),
-}
+def listed() -> list[str]:
+    """The mechanisms, a line each: lines of code, name, stage, what it does."""
+    rows = sorted(((lines_of(m), m) for m in MECHANISMS.values()), key=lambda row: -row[0])
+    return [f"{lines:5} {m.name:22} {m.stage:12} {m.says}" for lines, m in rows]
 
 
-@contextmanager
-def switched_off(case: Case) -> Iterator[None]:
-    """The functions of a case do nothing."""
-    before = []
-    try:
-        for target, instead in case.off.items():
-            name, _, function = target.partition(":")
-            module = import_module(name)
-            before.append((module, function, getattr(module, function)))
-            setattr(module, function, instead)
-        yield
-    finally:
-        for module, function, original in before:
-            setattr(module, function, original)
+def measured_cases() -> list[str]:
+    """The mechanisms that are measured here."""
+    stages = stages_from(FIRST)
+    return [name for name, m in MECHANISMS.items() if m.stage in stages]
 
 
 def stages_from(first: str) -> list[str]:
@@ -138,17 +91,13 @@ def work(drive: Path, workspace: Path, quality: str, case: str) -> None:
     if case == ALL_ON:
         run(drive, workspace, settings, until=LAST)
         return
-    names = stages_from(CASES[case].stage)
-    # The variant tells its result from the one with everything on; later stages tell theirs by what they read.
-    stages = [
-        replace(s, variant=f"without {case}" if s.name == names[0] else s.variant) for s in STAGES if s.name in names
-    ]
-    with switched_off(CASES[case]):
-        run_stages(Workspace.open(workspace), stages, settings, drive)
+    names = stages_from(MECHANISMS[case].stage)
+    stages = [stage for stage in STAGES if stage.name in names]
+    run_stages(Workspace.open(workspace), stages, replace(settings, without=(case,)), drive)
 
 
 def in_a_process(drive: Path, workspace: Path, quality: str, case: str) -> None:
-    """:func:`work` in a process of its own: what is switched off there is on here."""
+    """:func:`work` in a process of its own, whose memory and seconds are its own."""
     command = [sys.executable, __file__, "--work", case, str(drive), str(workspace), "--quality", quality]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_WAIT_POLICY": "PASSIVE"}
     subprocess.run(command, check=True, env=environment)
@@ -161,7 +110,7 @@ def figures_of(workspace: Path, truth: Path) -> dict[str, Any]:
     stages = json.loads((workspace / "workspace.json").read_text())["stages"]
     return {
         **{name: ours.get(name) for name in FIGURES},
-        "seconds": {name: stages[name]["seconds"] for name in stages_from("ground")},
+        "seconds": {name: stages[name]["seconds"] for name in stages_from(FIRST)},
     }
 
 
@@ -177,10 +126,8 @@ def change(of: dict[str, Any], base: dict[str, Any], stages: list[str]) -> dict[
 def means(seeds: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """By case, the mean change over seeds, and on how many it changed any figure."""
     found = {}
-    for case in CASES:
+    for case in dict.fromkeys(case for rows in seeds.values() for case in rows if case != ALL_ON):
         rows = [rows[case]["change"] for rows in seeds.values() if case in rows]
-        if not rows:
-            continue
         values = {name: [r[name] for r in rows if r.get(name) is not None] for name in (*FIGURES, "seconds")}
         found[case] = {
             "streets": len(rows),
@@ -194,22 +141,26 @@ def main() -> None:
     """Measure the cases of the command line on its seeds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=seeds_of, default=[])
-    parser.add_argument("--cases", default=",".join(CASES))
+    parser.add_argument("--cases", default="houses,barriers,quilting,facades,path_ahead", help="names, or all")
     parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
     parser.add_argument("--cache", type=Path, default=None)
     parser.add_argument(
         "--keep", type=Path, default=None, help="keep workspaces here, and take up those of earlier calls"
     )
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
+    parser.add_argument("--list", action="store_true", help="name all mechanisms, with their lines of code")
     parser.add_argument("--work", nargs=3, default=None, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.work:
         case, drive, workspace = arguments.work
         work(Path(drive), Path(workspace), arguments.quality, case)
         return
-    cases = arguments.cases.split(",")
-    if unknown := [c for c in cases if c not in CASES]:
-        parser.error(f"unknown case {unknown[0]}: use {', '.join(CASES)}")
+    if arguments.list:
+        print("\n".join(listed()))
+        return
+    cases = measured_cases() if arguments.cases == "all" else arguments.cases.split(",")
+    if unknown := [c for c in cases if c not in measured_cases()]:
+        parser.error(f"unknown case {unknown[0]}: use {', '.join(measured_cases())}")
     if held := [s for s in arguments.seeds if not may_be_shown(s)]:
         parser.error(f"seed {held[0]} is held out: nothing is chosen by it")
     with tempfile.TemporaryDirectory() as temporary:
@@ -231,7 +182,7 @@ def measure(seed: int, cases: list[str], arguments: argparse.Namespace, folder: 
         load = round(os.getloadavg()[0], 2)
         in_a_process(drive, copy, arguments.quality, case)
         row = figures_of(copy, drive / "truth")
-        row |= {"load_before": load, "change": change(row, base, stages_from(CASES[case].stage))}
+        row |= {"load_before": load, "change": change(row, base, stages_from(MECHANISMS[case].stage))}
         record(arguments, seed, case, row)
         print(seed, case, row["change"], flush=True)
         if not arguments.keep:
@@ -251,7 +202,8 @@ def record(arguments: argparse.Namespace, seed: int, name: str, row: dict[str, A
     seeds.setdefault(str(seed), {})[name] = row
     document["runs"][arguments.quality] = dict(sorted(seeds.items(), key=lambda item: int(item[0])))
     document.setdefault("means", {})[arguments.quality] = means(document["runs"][arguments.quality])
-    document["cases"] = {name: case.says for name, case in CASES.items()}
+    if name in MECHANISMS:
+        document.setdefault("cases", {})[name] = MECHANISMS[name].says
     document["machine"] = machine()
     output.parent.mkdir(parents=True, exist_ok=True)
     write_json_atomic(output, document)

@@ -12,7 +12,7 @@ from tests.small_street import make_small_street
 from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError
 from unveil_core.bench import reconstruction
-from unveil_core.bench.reconstruction import bench_reconstruction
+from unveil_core.bench.reconstruction import bench_reconstruction, unobserved_mask
 from unveil_core.optimize.reconstruct import ReconstructSettings
 from unveil_core.optimize.start import StartSettings
 
@@ -48,3 +48,22 @@ def test_unknown_losses_and_qualities_are_refused(tmp_path: Path, capsys: pytest
         bench_reconstruction(tmp_path, without=("beauty",))
     assert main(["bench", "reconstruction", str(tmp_path / "nowhere")]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_ideal_mask_spares_sky_and_glass() -> None:
+    full, left = np.ones((20, 40), np.float32), np.ones((20, 40), np.float32)
+    full[:, :10] = left[:, :10] = 0.0  # sky: no surfel before or after
+    full[:, 10:20] = left[:, 10:20] = 0.6  # glass
+    left[:, 20:30] = 0.2  # a hole
+    left[:, 30:] = 0.995  # well covered by other views
+    everywhere = np.ones((20, 40), bool)
+    mask = unobserved_mask(full, left, everywhere)
+    assert mask[:, 20:30].all()
+    assert mask.sum() == 200
+    assert not unobserved_mask(full, left, ~everywhere).any()
+
+
+def test_specks_are_no_holes() -> None:
+    full, left = np.ones((20, 20), np.float32), np.ones((20, 20), np.float32)
+    left[5, 5] = 0
+    assert not unobserved_mask(full, left, np.ones((20, 20), bool)).any()

@@ -1,51 +1,34 @@
-"""The benchmark that switches special cases off: what it patches is there, and what it says is what was found."""
+"""The benchmark that switches special cases off: what it lists, and what the page says is what was found."""
 
 from __future__ import annotations
 
 import argparse
-import inspect
 import json
-from importlib import import_module
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-import pytest
-import torch
-
-from benchmarks.streets.special_cases import ALL_ON, CASES, FIGURES, change, means, record, stages_from, switched_off
-from unveil_core.surfels.initialize import surfels_from_points
+from benchmarks.streets.special_cases import (
+    ALL_ON,
+    FIGURES,
+    change,
+    listed,
+    means,
+    measured_cases,
+    record,
+    stages_from,
+)
+from unveil_core.pipeline.mechanisms import MECHANISMS
 
 
 def figures(psnr: float, seconds: float) -> dict[str, Any]:
     return {**dict.fromkeys(FIGURES, 0.5), "psnr": psnr, "seconds": dict.fromkeys(stages_from("ground"), seconds)}
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_what_is_switched_off_is_there_and_comes_back(name: str) -> None:
-    def now() -> list[Any]:
-        return [getattr(import_module(m), f) for m, _, f in (target.partition(":") for target in CASES[name].off)]
-
-    before = now()
-    assert all(inspect.isfunction(function) for function in before)
-    with switched_off(CASES[name]):
-        assert now() == list(CASES[name].off.values())
-    assert now() == before and CASES[name].stage in stages_from("ground")
-
-
-def test_what_stands_in_takes_and_gives_what_the_caller_expects() -> None:
-    off = {target.partition(":")[2]: instead for case in CASES.values() for target, instead in case.off.items()}
-    points = np.zeros((3, 3))
-    surfels = surfels_from_points(points, np.zeros((3, 3), np.uint8), np.zeros(3, np.int64), points + 1, np.ones(3))
-    assert len(off["solid_columns"](None, surfels, (2,), [], None)) == 0
-    assert off["flush_with_facades"](None, surfels, (2,)).all()
-    assert surfels.select(torch.from_numpy(off["flush_with_facades"](None, surfels, ()))).means.shape == (3, 3)
-    detail, mask = np.ones((4, 5, 3), np.float32), np.ones((4, 5), bool)
-    quilted = off["quilt"](detail, mask, mask, patch=6, search=9)
-    assert not off["_beside_what_is_known"](quilted, detail, mask).any()
-    found = off["invented_facades"](SimpleNamespace(known=mask), label=2, sh_degree=0)
-    assert found.walls is None and found.filled.shape == mask.shape and not found.filled.any()
+def test_all_mechanisms_are_listed_with_their_lines() -> None:
+    rows = {line.split()[1]: int(line.split()[0]) for line in listed()}
+    assert set(rows) == set(MECHANISMS) and list(rows.values()) == sorted(rows.values(), reverse=True)
+    assert rows["sun"] > rows["houses"] > rows["houses_beyond"] > 20
+    assert set(measured_cases()) == {n for n, m in MECHANISMS.items() if m.stage not in ("segment", "reconstruct")}
 
 
 def test_changes_are_without_minus_with_and_of_the_stages_that_ran_again() -> None:

@@ -14,9 +14,11 @@ from tests.other_frame import Y_UP_UTM
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import write_points
+from unveil_core.inpaint.origin import CONTINUED
 from unveil_core.mesh import Mesh, write_ply
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.ply import write_surfels
+from unveil_core.surfels.scene_edit import NOT_SHORTENED, SceneEdit, write_edit
 from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.workspace.files import save_array
 
@@ -114,8 +116,9 @@ def _write_scene(workspace: Path, shift: np.ndarray) -> None:
     write_surfels(scene, workspace / "surfels/full.ply", to_world=WORLD)
     write_surfels(empty, workspace / "surfels/empty.ply", to_world=WORLD)
     save_array(instances.astype(np.int64), workspace / "surfels/instances.npy")
-    save_array(gone.astype(np.uint8), workspace / "surfels/removed.npy")
-    save_array(np.zeros(len(scene), np.uint8), workspace / "surfels/displaced.npy")
+    nothing = np.zeros(len(scene), dtype=bool)
+    origin = np.full(SEEDS, CONTINUED, np.uint8)
+    write_edit(SceneEdit(gone, NOT_SHORTENED, nothing, nothing, seeds, origin), workspace / "surfels/edit.npz")
 
 
 def _write_points(workspace: Path, shift: np.ndarray) -> None:

@@ -21,6 +21,7 @@ from unveil_core.exports.job import Job
 from unveil_core.exports.registry import EXTRA, FORMATS, export, place_of
 from unveil_core.exports.whole import TOLD
 from unveil_core.surfels.ply import write_surfels
+from unveil_core.surfels.scene_edit import NOT_SHORTENED, SceneEdit, write_edit
 from unveil_core.workspace.files import save_array
 from unveil_core.workspace.workspace import Workspace
 
@@ -149,7 +150,7 @@ def test_a_scene_of_nothing_is_a_file_of_nothing(name: str, street: Street, tmp_
     none = np.zeros(0, dtype=np.int64)
     write_surfels(street.job.scene.select(torch.from_numpy(none)), workspace / "surfels/full.ply")
     write_surfels(street.job.scene.select(torch.from_numpy(none)), workspace / "surfels/empty.ply")
-    for array in ("instances", "removed", "displaced"):
-        save_array(none, workspace / f"surfels/{array}.npy")
+    save_array(none, workspace / "surfels/instances.npy")
+    write_edit(SceneEdit.removing(none.astype(bool), NOT_SHORTENED), workspace / "surfels/edit.npz")
     assert main(["export", str(workspace), "--to", name, "-o", str(tmp_path)]) == 0
     assert place_of(FORMATS[name], street.job, tmp_path).stat().st_size > 0

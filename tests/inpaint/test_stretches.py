@@ -121,7 +121,7 @@ def test_a_stretch_is_given_what_is_near_it_and_finds_what_it_finds_in_all() -> 
 def test_only_cameras_near_a_stretch_are_asked_and_the_way_s_ends() -> None:
     fill = fill_of(1001, crowd(10, 1001.0))
     for stretch in fill.stretches:
-        x = centres_of(fill._looking(stretch))[:, 0]
+        x = centres_of([fill.cameras[i] for i in fill._asked(stretch)])[:, 0]
         beyond = AROUND_M + CASTS_M + ASKED_M
         near = (x >= stretch.s[0] - beyond - 1) & (x <= stretch.s[1] + beyond + 1)
         assert abs(x[0]) < 1e-9 and abs(x[-1] - 1000.0) < 1e-9 and near[1:-1].all()
@@ -129,7 +129,7 @@ def test_only_cameras_near_a_stretch_are_asked_and_the_way_s_ends() -> None:
             range(int(max(0, stretch.s[0] - beyond + 1)), int(min(1000, stretch.s[1] + beyond)))
         )
     (only,) = fill_of(80, crowd(10, 80.0)).stretches
-    assert len(fill_of(80, crowd(10, 80.0))._looking(only)) == 80
+    assert len(fill_of(80, crowd(10, 80.0))._asked(only)) == 80
 
 
 def test_an_object_whose_shadow_stays_casts_it_though_it_goes() -> None:

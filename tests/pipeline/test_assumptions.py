@@ -137,21 +137,20 @@ def long_object(length: float, gap: float = 0.0) -> tuple[np.ndarray, np.ndarray
 def test_an_object_that_is_too_long_is_named(length: float, gap: float, why: str | None) -> None:
     own, pole = long_object(length, gap)
     labels = np.repeat([2, 0], [len(own), len(pole)])
-    boxes: dict[int, Box] = {}
-    gone = select_removed(
+    found = select_removed(
         surfels_at(np.concatenate([own, pole]), labels),
         np.where(labels == 2, 7, 0),
         scene(("car",)),
         too_close=0.0,
         axes=np.eye(3),
-        not_one=boxes.__setitem__,
     )
+    gone, boxes = found.removed, found.not_one
     told = _vehicles_assumed(boxes, {7: "train"})
     assert told.holds == (why is None)
     if why is not None:
-        found = max(boxes[7].size)
-        assert found == pytest.approx(length, abs=1.0)
-        assert told.found == f"train 7: {found:.1f} m long{why}"
+        longest = max(boxes[7].size)
+        assert longest == pytest.approx(length, abs=1.0)
+        assert told.found == f"train 7: {longest:.1f} m long{why}"
     # What is said is done: its own points go, and those in its box only where it is one vehicle's.
     assert gone[: len(own)].all()
     assert gone[len(own) :].all() == gone[len(own) :].any() == told.holds

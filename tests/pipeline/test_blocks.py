@@ -16,6 +16,7 @@ from unveil_core.base.errors import UnveilError, WorkspaceError
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground import blocks
 from unveil_core.ground.files import read_ground
+from unveil_core.inpaint import cleaning, emptied
 from unveil_core.inpaint.chart.street_chart import INVENTED, PLANES
 from unveil_core.inpaint.frames.propagate import RemainingScene
 from unveil_core.inpaint.stretches import Stretch
@@ -23,8 +24,8 @@ from unveil_core.pipeline import runner
 from unveil_core.pipeline.run import run, stage_named
 from unveil_core.pipeline.runner import run_block, run_stages
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.steps import inpaint
 from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.scene_edit import read_edit
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import load_array
 from unveil_core.workspace.workspace import Workspace
@@ -72,7 +73,7 @@ class Cut:
 def cut(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cut]:
     root = tmp_path_factory.mktemp("cut") / "two"
     found = Cut(Workspace(root))
-    clean, divide = inpaint.propagate_inpainting, inpaint.cut_street
+    clean, divide = cleaning.propagate_inpainting, emptied.cut_street
 
     def watched(tasks, known, *arguments, **options):  # type: ignore[no-untyped-def]
         found.known.append(known)
@@ -91,8 +92,8 @@ def cut(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cut]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(runner._Attempt, "progress", heard)
-        patch.setattr(inpaint, "propagate_inpainting", watched)
-        patch.setattr(inpaint, "cut_street", noted)
+        patch.setattr(cleaning, "propagate_inpainting", watched)
+        patch.setattr(emptied, "cut_street", noted)
         run_in_blocks(drive, root, 10.0, patch)
     yield found
 
@@ -136,7 +137,7 @@ def test_an_object_across_two_blocks_goes_whole_and_one_of_them_owns_its_place(c
     root = cut.workspace.root
     to_world = read_imported(cut.workspace.drive_dir, points=False).to_world
     means = to_world.to_world(read_surfels(root / "surfels/full.ply").means.double().numpy())
-    gone, instance = load_array(root / "surfels/removed.npy").astype(bool), load_array(root / "surfels/instances.npy")
+    gone, instance = read_edit(root / "surfels/edit.npz").removed, load_array(root / "surfels/instances.npy")
     inside = (np.abs(means - ACROSS.centre) < np.array(ACROSS.size) / 2 + 0.05).all(axis=1) & (means[:, 2] > 0.4)
     ids = []
     for half in (inside & (means[:, 0] < BORDER_M), inside & (means[:, 0] >= BORDER_M)):

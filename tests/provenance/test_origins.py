@@ -6,15 +6,9 @@ import numpy as np
 
 from tests.inpaint.walls import before_wall, shows, wall_without
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
-from unveil_core.provenance.origins import frame_origins, marked_by, rendered_origins, scene_origins
+from unveil_core.provenance.origins import frame_origins, marked_by, rendered_origins
 
 WINDOW = (-0.6, 0.6, -0.6, 0.6)
-
-
-def test_the_scenes_surfels_are_those_that_stay_then_the_seeds() -> None:
-    stays, relit = np.array([True, False, True]), np.array([False, True, True])
-    origins = scene_origins(stays, relit, np.array([CONTINUED, INVENTED], np.uint8))
-    assert origins.tolist() == [SEEN_ELSEWHERE, RELIT, CONTINUED, INVENTED]
 
 
 def test_a_pixel_is_what_most_of_its_surfels_are_and_the_sky_was_seen() -> None:

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from tests.remove.test_observed import HEIGHT, WIDTH, seen_from, together, wall_view
 from unveil_core.remove.observed import SeenViews
-from unveil_core.remove.reaching import REACH, Shortened, shortened
+from unveil_core.remove.reaching import REACH, shortened
+from unveil_core.surfels.scene_edit import Shortened
 from unveil_core.surfels.surfels import Surfels
 
 

@@ -9,7 +9,7 @@ import torch
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.images import grow
 from unveil_core.remove import selection
-from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map, unobserved_mask
+from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map
 from unveil_core.remove.selection import MARGIN_M, near_removed, select_removed
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.instances import Box, fit_box, without_strays
@@ -42,11 +42,11 @@ def scene(removed: tuple[str, ...], instances: tuple[int, ...] = ()) -> SceneLab
 def test_classes_instances_and_what_is_too_close() -> None:
     surfels = row_of_surfels([0, 0, 2, 2, 0, 1, 0, 0])
     none = np.zeros(8, dtype=np.int64)
-    assert select_removed(surfels, none, scene(("car",)), too_close=0.0).tolist() == [0, 0, 1, 1, 0, 0, 0, 0]
-    close = select_removed(surfels, none, scene(("car",)), too_close=0.15)
+    assert select_removed(surfels, none, scene(("car",)), too_close=0.0).removed.tolist() == [0, 0, 1, 1, 0, 0, 0, 0]
+    close = select_removed(surfels, none, scene(("car",)), too_close=0.15).removed
     assert close.tolist() == [0, 1, 1, 1, 1, 0, 0, 0]
     ids = np.array([0, 0, 7, 8, 0, 9, 0, 0])
-    assert select_removed(surfels, ids, scene((), (8,)), too_close=0.0).tolist() == [0, 0, 0, 1, 0, 0, 0, 0]
+    assert select_removed(surfels, ids, scene((), (8,)), too_close=0.0).removed.tolist() == [0, 0, 0, 1, 0, 0, 0, 0]
 
 
 def bus_seen_from_close_by(floor: float) -> tuple[Surfels, np.ndarray]:
@@ -64,12 +64,12 @@ def bus_seen_from_close_by(floor: float) -> tuple[Surfels, np.ndarray]:
 def test_of_an_object_whose_foot_nobody_saw_nothing_stays_but_the_ground() -> None:
     surfels, rear = bus_seen_from_close_by(1.2)
     ids = np.where(surfels.labels.numpy() == 2, 1, 0)
-    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
+    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3)).removed
     assert gone[rear].all() and not gone[~rear].any()
     # Where it stands on the ground what lies at its foot is the ground's.
     surfels, rear = bus_seen_from_close_by(0.0)
     ids = np.where(surfels.labels.numpy() == 2, 1, 0)
-    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
+    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3)).removed
     assert not gone[~rear].any() and not gone[rear & (surfels.means[:, 2].numpy() < 0.1) & (ids == 0)].any()
 
 
@@ -92,7 +92,7 @@ def long_vehicle(gap: float) -> tuple[Surfels, np.ndarray]:
 def test_a_lorry_is_taken_whole_and_a_row_of_cars_is_not(gap: float, whole: bool) -> None:
     surfels, poles = long_vehicle(gap)
     ids = np.where(surfels.labels.numpy() == 2, 1, 0)
-    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
+    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3)).removed
     assert gone[~poles].all()
     assert gone[poles].all() == whole
     assert gone[poles].any() == whole
@@ -108,10 +108,10 @@ def test_what_belongs_to_no_object_gets_no_box(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(selection, "fit_box", counting)
     surfels = row_of_surfels([2] * 20_000)
     none = np.zeros(20_000, np.int64)
-    assert select_removed(surfels, none, scene(("car",)), too_close=0.0, axes=np.eye(3)).all()
+    assert select_removed(surfels, none, scene(("car",)), too_close=0.0, axes=np.eye(3)).removed.all()
     assert boxed == []
     ids = np.where(np.arange(20_000) < 30, 7, 0)
-    assert select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3)).all()
+    assert select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3)).removed.all()
     assert boxed == [30]
 
 
@@ -131,7 +131,10 @@ def car_with_strays(generator: np.random.Generator) -> tuple[Surfels, np.ndarray
 
 def test_a_few_strays_do_not_make_a_car_as_wide_as_the_road() -> None:
     surfels, ids, road = car_with_strays(np.random.default_rng(0))
-    means, gone = surfels.means.numpy(), select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
+    means, gone = (
+        surfels.means.numpy(),
+        select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3)).removed,
+    )
     assert gone[~road].all()
     beside = road & ((means[:, 1] < -0.3) | (means[:, 1] > 2.1))
     assert not gone[beside].any()
@@ -145,7 +148,7 @@ def test_no_box_takes_what_lies_on_known_ground() -> None:
     lower = Surfels(surfels.means - torch.tensor([0.0, 0.0, 1.0]) * torch.from_numpy(~road)[:, None], *(
         getattr(surfels, n) for n in ("quats", "log_scales", "opacity_logits", "sh", "labels")))  # fmt: skip
     plain, spared = (
-        select_removed(lower, ids, scene(("car",)), too_close=0.0, axes=np.eye(3), ground=known)
+        select_removed(lower, ids, scene(("car",)), too_close=0.0, axes=np.eye(3), ground=known).removed
         for known in (None, road)
     )
     assert plain[road].any() and not spared[road].any()
@@ -180,7 +183,7 @@ def test_looking_near_each_object_finds_what_looking_everywhere_does(seed: int) 
     labels = np.repeat([2, 0], [len(means), len(road)])
     ids = np.concatenate([np.repeat(np.arange(1, 41), 60), np.where(generator.random(6000) < 0.01, 7, 0)])
     surfels = surfels_at(np.concatenate([means, road]), labels)
-    found = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=up_frame(UP))
+    found = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=up_frame(UP)).removed
     assert np.array_equal(found, all_against_all(surfels, ids, scene(("car",))))
     assert found[len(means) :].any()
 
@@ -190,25 +193,6 @@ def test_near_removed_leaves_out_the_removed() -> None:
     removed = np.array([False, False, True, False, False])
     assert near_removed(surfels, removed, 0.11).tolist() == [False, True, False, True, False]
     assert not near_removed(surfels, np.zeros(5, bool), 1.0).any()
-
-
-def test_ideal_mask_spares_sky_and_glass() -> None:
-    full, left = np.ones((20, 40), np.float32), np.ones((20, 40), np.float32)
-    full[:, :10] = left[:, :10] = 0.0  # sky: no surfel before or after
-    full[:, 10:20] = left[:, 10:20] = 0.6  # glass
-    left[:, 20:30] = 0.2  # a hole
-    left[:, 30:] = 0.995  # well covered by other views
-    everywhere = np.ones((20, 40), bool)
-    mask = unobserved_mask(full, left, everywhere)
-    assert mask[:, 20:30].all()
-    assert mask.sum() == 200
-    assert not unobserved_mask(full, left, ~everywhere).any()
-
-
-def test_specks_are_no_holes() -> None:
-    full, left = np.ones((20, 20), np.float32), np.ones((20, 20), np.float32)
-    left[5, 5] = 0
-    assert not unobserved_mask(full, left, np.ones((20, 20), bool)).any()
 
 
 def test_region_map() -> None:

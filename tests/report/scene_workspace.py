@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from tests.evaluate.street_workspace import CARS, OFFSET, build_workspace
 from tests.mesh.street import FACADE_HEIGHT, HALF_WIDTH, SKY
@@ -18,8 +19,9 @@ from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.inpaint.origin import CONTINUED, INVENTED
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.ply import write_surfels
+from unveil_core.surfels.scene_edit import NOT_SHORTENED, SceneEdit, write_edit
 from unveil_core.surfels.sky import Sky, save_sky
-from unveil_core.workspace.files import save_array
+from unveil_core.surfels.surfels import Surfels
 
 SPACING = 0.4
 """Between surfels, metres."""
@@ -38,6 +40,14 @@ METRICS = {
     },
 }
 """Figures for all tables: what is measured is of no account here."""
+
+
+def edit_of(surfels: Surfels, origin: NDArray[np.uint8]) -> SceneEdit:
+    """What made an empty scene that nothing was removed from, the last of whose surfels were added, with their origins."""
+    left = len(surfels) - len(origin)
+    nothing = np.zeros(left, dtype=bool)
+    added = surfels.select(torch.arange(left, len(surfels)))
+    return SceneEdit(nothing, NOT_SHORTENED, nothing, nothing, added, origin)
 
 
 def build_scene_workspace(root: Path) -> Path:
@@ -61,9 +71,7 @@ def build_scene_workspace(root: Path) -> Path:
     )
     write_surfels(surfels, workspace / "surfels/empty.ply")
     seeds = under[order][under[order] > 0]
-    save_array(seeds, workspace / "surfels/seed_origins.npy")
-    for name in ("removed", "displaced", "relit"):
-        save_array(np.zeros(len(points) - len(seeds), np.uint8), workspace / f"surfels/{name}.npy")
+    write_edit(edit_of(surfels, seeds), workspace / "surfels/edit.npz")
     save_sky(_sky(), workspace / "surfels/sky.npz")
     entries = json.loads((workspace / "instances.json").read_text())
     for entry in entries:

@@ -40,9 +40,9 @@ from unveil_core.report.scene.splats import Splats, splats_of
 from unveil_core.report.scene.top_view import map_of, top_view
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.scene_edit import read_edit, write_edit
 from unveil_core.surfels.sky import load_sky
 from unveil_core.surfels.surfels import Surfels, rotations
-from unveil_core.workspace.files import save_array
 
 
 @pytest.fixture(scope="module")
@@ -254,10 +254,10 @@ def test_without_pyav_the_flight_is_left_out_with_a_word(
 
 
 def test_arrays_of_another_scene_are_one_line(scene_workspace: Path, surfels: Surfels) -> None:
-    path = scene_workspace / "surfels/seed_origins.npy"
+    path = scene_workspace / "surfels/edit.npz"
     before = path.read_bytes()
     try:
-        save_array(np.zeros(3, np.uint8), path)
+        write_edit(replace(read_edit(path), added=None, origin=np.zeros(0, np.uint8)), path)
         with pytest.raises(WorkspaceError, match=r"empty\.ply: has \d+ surfels, \d+ are expected"):
             gather_scene(
                 scene_workspace, read_imported(scene_workspace / "drive", points=False), np.zeros((0, 3)), no_progress

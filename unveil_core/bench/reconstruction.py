@@ -37,7 +37,6 @@ from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.raster import render
-from unveil_core.remove.regions import unobserved_mask
 from unveil_core.remove.selection import select_removed
 from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_labels
 from unveil_core.surfels.surfels import Surfels
@@ -63,6 +62,9 @@ CROP_M = 5.0
 """Points farther than this from every true one are left out, as in the paper (section 4)."""
 TOO_CLOSE_M = 0.08
 FINER = 4
+DROP, OPAQUE, SMALLEST_PX = 0.01, 0.99, 12
+"""Of alpha, by which it must fall and what it must fall below (*3D StreetUnveiler*, section 3.2): sky and glass are no holes;
+and the smallest hole, pixels."""
 
 
 def _finer(
@@ -142,9 +144,29 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
     }
 
 
+def unobserved_mask(
+    alpha_full: NDArray[np.float32],
+    alpha_empty: NDArray[np.float32],
+    removed: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Pixels (H, W) that are unobserved by the paper's rule: alpha falls when the objects are taken out, because no view gave
+    surfels for what lies behind.
+
+    Args:
+        alpha_full, alpha_empty: (H, W) with and without the objects.
+        removed: (H, W) where this view shows a removed object, borders included.
+    """
+    hole = (alpha_full - alpha_empty > DROP) & (alpha_empty < OPAQUE) & removed
+    hole = cv2.morphologyEx(hole.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    count, component, stats, _ = cv2.connectedComponentsWithStats(hole, connectivity=8)
+    large = np.zeros(count, dtype=bool)
+    large[1:] = stats[1:, cv2.CC_STAT_AREA] >= SMALLEST_PX
+    return large[component] & removed
+
+
 def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[Frame, ...]) -> dict[str, Any]:
     """The unobserved pixels by the alpha maps, without the removable classes, against the true ones; empty without truth."""
-    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M)
+    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M).removed
     remaining = surfels.select(torch.from_numpy(~gone))
     both = either = 0
     for frame in frames:

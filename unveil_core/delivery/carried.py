@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Float64, Mask, Picture
 from unveil_core.delivery.alignment import find_shift, shift_planes
 from unveil_core.delivery.views import EmptyViews, choose_sources, places_behind, sees
@@ -137,7 +138,7 @@ def carried_over(given: Photographs, own: int, street: Picture, rendered: Pictur
     """
     view = given.views.frames[own]
     wanted = wanted & (view.depth > 0)
-    if not wanted.any():
+    if not wanted.any() or not on("carried_photographs"):
         return street
     part, places = _places(given, own, wanted)
     base = street[part].astype(np.float32)
@@ -207,7 +208,9 @@ def _warped(given: Photographs, j: int, places: _Places) -> _Warped | None:
         ring = mask & places.ring
         if not (places.enough(ring) and (mask & places.wanted).any()):
             continue
-        shift = find_shift(planes, at[ring][:, :2], luminance(places.photograph[ring]))
+        shift = np.zeros(2)
+        if on("aligned_photographs"):
+            shift = find_shift(planes, at[ring][:, :2], luminance(places.photograph[ring]))
         plane = np.zeros_like(picture)
         position = at[mask]
         plane[mask] = _sampled(levels, position[:, :2] + shift, position[:, 2])

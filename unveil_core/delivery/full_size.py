@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.plates.colours import PlateColours
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.delivery.detail import FINER_THAN, BestSource, sensor_noise, with_detail
@@ -192,7 +193,7 @@ def _sharpened(
     sources = choose_sources(points[elsewhere], index, drive.views, SOURCES)
     size = depth / camera.fx
     best = BestSource(base, scale)
-    for j in sources:
+    for j in sources if on("footage_detail") else ():
         colors, finer = _seen_in(points, elsewhere, j, drive, size)
         colors = in_exposure(colors, drive.exposures[j], drive.exposures[index])
         shown = _scattered(np.minimum(finer, FINER), removed)
@@ -200,7 +201,8 @@ def _sharpened(
     result = base + best.believed[..., None] * (best.picture - base)
     bare = 1.0 - best.believed
     grain = _ground_grain(street, on_ground & (bare[removed] > 0), index, removed, drive, sources, scale)
-    grain = np.where(np.isnan(grain), sensor_noise(original, ~removed, scale, seed=index), grain)
+    noise = sensor_noise(original, ~removed, scale, seed=index) if on("sensor_noise") else 0
+    grain = np.where(np.isnan(grain), noise, grain)
     return result + (bare * grain)[..., None]
 
 
@@ -254,7 +256,7 @@ def _ground_grain(
         street: (N, 3) street coordinates of the removed pixels; asked: (N,) bool, which of them are looked for.
     """
     grain = np.full(removed.shape, np.nan, np.float32)
-    if drive.ground is None or drive.shifts is None or not asked.any():
+    if drive.ground is None or drive.shifts is None or not asked.any() or not on("ground_grain"):
         return grain
     moved = np.full((len(street), 2), np.nan)
     moved[asked] = drive.shifts.at(street[asked])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.onnx_files import check_readable, open_onnx, short
+from unveil_core.base.networks.onnx_files import check_readable, open_onnx, short
 from unveil_core.base.types import Picture
 
 __all__ = ["FeatureModel", "LpipsModel", "frechet_distance"]

@@ -25,6 +25,7 @@ from unveil_core.semantics.classes import VOID
 from unveil_core.semantics.instances import Box
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.scene_edit import read_edit
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_labels
 from unveil_core.workspace.workspace import Workspace
@@ -192,9 +193,7 @@ class Job:
         if self.state == "full":
             return self.full_instances
         known = self.full_instances
-        gone = self._array("surfels/removed.npy", len(known)) != 0
-        gone |= self._array("surfels/displaced.npy", len(known)) != 0
-        stays = known[~gone]
+        stays = known[read_edit(self.workspace.root / "surfels/edit.npz", len(known)).stays]
         if count < len(stays):
             mend = "run `unveil reoptimize` again"
             raise WorkspaceError("Not made from the full scene", path=self.workspace.surfels_empty, mend=mend)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.cityscapes import CITYSCAPES
 from unveil_core.drives.drive import PointCloud
@@ -164,7 +165,8 @@ def _evidence(
     wanted, standing = labels.indices(GROUND_CLASSES), None
     if wanted:
         chosen = np.isin(of_surfel, wanted) & opaque
-        chosen[chosen] = ~_strays(path, means[chosen], cameras)
+        if on("ground_strays"):
+            chosen[chosen] = ~_strays(path, means[chosen], cameras)
     else:
         goes = np.isin(of_surfel, labels.indices((*REMOVABLE, "remove")))
         standing, stays = means[goes & opaque], opaque & ~goes
@@ -175,7 +177,7 @@ def _evidence(
     sides = labels.indices(SIDE_CLASSES)
     walls = _facing(path, surfels, np.isin(of_surfel, sides) & opaque) if sides else None
     ground, sure = means[chosen], np.zeros((0, 3)) if measured is None else measured.among
-    if len(sure) and height_noise(path.to_street(ground)) <= NOISY_M:
+    if len(sure) and on("measured_ground") and height_noise(path.to_street(ground)) <= NOISY_M:
         some = every_nth(sure, MOST_MEASURED)
         times = int(np.clip(MOST_REPEATED // len(some), 1, OF_MEASURED))
         ground = np.concatenate([ground, np.repeat(some, times, axis=0)])

@@ -35,14 +35,10 @@ def _own(path: StreetPath, s: Float64, t: Float64) -> Mask:
     return own
 
 
-def share_of_own(path: StreetPath, *, extension_m: float = EXTENSION_M) -> float:
-    """Share of the places beside the driven part of a path, 0 to 1, that have one pair of street coordinates.
-
-    Args:
-        extension_m: by which the path was prolonged at either end.
-    """
+def share_of_own(path: StreetPath) -> float:
+    """Share of the places beside the driven part of a path, 0 to 1, that have one pair of street coordinates."""
     length = path.step * (len(path.nodes) - 1)
-    first, last = path.start + extension_m, path.start + length - extension_m
+    first, last = path.start + EXTENSION_M, path.start + length - EXTENSION_M
     s, t = np.meshgrid(
         np.arange(first, max(first + STEP_S_M, last), STEP_S_M),
         np.arange(-HALF_WIDTH_M, HALF_WIDTH_M + STEP_T_M, STEP_T_M),
@@ -51,13 +47,9 @@ def share_of_own(path: StreetPath, *, extension_m: float = EXTENSION_M) -> float
     return float(_own(path, s.ravel(), t.ravel()).mean())
 
 
-def goes_round(path: StreetPath, *, extension_m: float = EXTENSION_M) -> bool:
-    """Whether the driven part of a path goes round something, as an orbit does.
-
-    Args:
-        extension_m: by which the path was prolonged at either end.
-    """
-    cut = round(extension_m / path.step)
+def goes_round(path: StreetPath) -> bool:
+    """Whether the driven part of a path goes round something, as an orbit does."""
+    cut = round(EXTENSION_M / path.step)
     driven = path.heading[cut : len(path.heading) - cut]
     turned = float(np.abs(np.diff(driven)).sum())
     return turned > ROUND_RAD and len(driven) * path.step / turned < ROUND_M

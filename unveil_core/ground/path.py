@@ -188,12 +188,11 @@ def way_of(centres: Float64) -> float:
     return float(travelled(places_of(centres))[-1])
 
 
-def fit_path(cameras: Sequence[Camera], *, extension_m: float = EXTENSION_M) -> StreetPath:
+def fit_path(cameras: Sequence[Camera]) -> StreetPath:
     """Smooth the camera centres of one track into a path and prolong it with its curvature at the ends.
 
     Args:
         cameras: of one track, in order of travel.
-        extension_m: how far it is prolonged, metres.
     """
     axes = up_frame(UP)
     centres = np.stack([c.centre for c in cameras]) @ axes.T
@@ -213,7 +212,7 @@ def fit_path(cameras: Sequence[Camera], *, extension_m: float = EXTENSION_M) -> 
         first = heading, -bend
     # What smoothing does to ends it does to the extension's, which are cut off.
     cut = round(4 * SMOOTHED_M / STEP_M)
-    count = int(extension_m / STEP_M)
+    count = int(EXTENSION_M / STEP_M)
     behind, ahead = _prolonged(raw[0], *first, -(count + cut)), _prolonged(raw[-1], *last, count + cut)
     nodes = gaussian_filter1d(np.concatenate([behind, raw, ahead]), SMOOTHED_M / STEP_M, axis=0, mode="nearest")
     nodes = nodes[cut : len(nodes) - cut]

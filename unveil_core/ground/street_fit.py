@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float64
 from unveil_core.geometry.cell_medians import cell_medians, groups
 from unveil_core.ground.one_place import limited_to_own
@@ -99,7 +100,9 @@ def fit_street_heights(
     inside = (b >= low) & (b <= high)
     street, a, b = street[inside], a[inside], b[inside]
     rest = rest[inside]
-    profiles = profile + _changes_along(a, b, rest - profile[b], rows, columns)
+    profiles = np.repeat(profile[None], rows, axis=0)
+    if on("changing_profile"):
+        profiles = profile + _changes_along(a, b, rest - profile[b], rows, columns)
     rest = rest - profiles[a, b]
     # The remainder on coarser cells (1 m x 0.5 m), smoothed with its own support.
     cells = -(-columns // COARSE)
@@ -111,15 +114,15 @@ def fit_street_heights(
     centres = (np.arange(columns) - (COARSE - 1) / 2) / COARSE
     remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
     height = base[:, None] + profiles + remainder
-    if height_noise(street) > NOISY_M:
+    if on("plain_ground") and height_noise(street) > NOISY_M:
         measured = np.zeros((0, 3)) if sure is None else path.to_street(sure)
         along, across = s_low + S_CELL_M * np.arange(rows), T_CELL_M * np.arange(columns) - reach
         height = plain_heights(street, measured, along, across, base)  # type: ignore[arg-type]
 
     left, right = _limits(street, a, rows, reach)
-    if len(objects):
+    if len(objects) and on("ground_under_objects"):
         left, right = _under(objects, s_low, base, left, right)
-    if walls is not None and len(walls) > FEWEST_OF_WALLS:
+    if walls is not None and len(walls) > FEWEST_OF_WALLS and on("ground_to_walls"):
         side = path.to_street(walls)
         over = side[:, 2] - base[np.clip(np.round((side[:, 0] - s_low) / S_CELL_M).astype(int), 0, rows - 1)]
         upright = (over > WALL_FOOT_M) & (over < WALL_TOP_M) & (np.abs(side[:, 1]) < WIDEST_M)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.evenly import evenly
 from unveil_core.base.frame_cache import FrameCache, subset
+from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Float64, Mask
@@ -27,20 +28,19 @@ from unveil_core.inpaint.chart.files import ChartSources
 from unveil_core.inpaint.chart.footprint import footprint_of
 from unveil_core.inpaint.chart.looks import read_looks
 from unveil_core.inpaint.chart.planted import plant_holes
-from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.casters import Kinds
-from unveil_core.inpaint.light.scene_light import light_of_scene, sun_of_scene
+from unveil_core.inpaint.light.scene_light import Evidence, light_of_scene, sun_of_scene
 from unveil_core.inpaint.light.sun import Sun
 from unveil_core.inpaint.light.view_light import GroundLooks, ViewLight, light_by_view, unlit
 from unveil_core.inpaint.street_scene import Removal, Views
-from unveil_core.inpaint.stretches import CASTS_M, Stretch
+from unveil_core.inpaint.stretches import CASTS_M, Stretch, seen_rows
 from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["StreetFill"]
+__all__ = ["FilledStreet", "StreetFill"]
 
 T = TypeVar("T")
 
@@ -112,9 +112,9 @@ class StreetFill:
         asked[[s.argmin(), s.argmax()]] = True
         return np.flatnonzero(asked).tolist()
 
-    def _looking(self, stretch: Stretch) -> list[Camera]:
-        """The cameras of these frames."""
-        return [self.cameras[i] for i in self._asked(stretch)]
+    def _evidence(self, stretch: Stretch, chart: StreetChart, footprint: Mask) -> Evidence:
+        """What tells of the sun."""
+        return Evidence(chart, footprint, [self.cameras[i] for i in self._asked(stretch)])
 
     def _hidden(self, frame: int) -> Mask:
         """(H, W) pixels of a frame that show something that goes, with their borders."""
@@ -129,6 +129,8 @@ class StreetFill:
     @cached_property
     def light(self) -> ViewLight | None:
         """How bright the ground looks by the place in the picture; None where that changes nothing."""
+        if not on("light_by_view"):
+            return None
 
         def look() -> dict[str, NDArray[Any]]:
             found = light_by_view(self._looks(), self._sizes)
@@ -175,18 +177,13 @@ class StreetFill:
         """The sun: of what the stretches tell the surest. One that explains the dark ground by half only has to fill the street
         better than none."""
         found = []
-        for stretch in self.stretches:
+        for stretch in self.stretches if on("sun") else ():
 
             def look(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
                 chart = self._read(stretch)
                 kept, gone = self._near(stretch)
                 sun = sun_of_scene(
-                    chart,
-                    kept,
-                    gone,
-                    footprint=self._footprint(stretch, chart),
-                    cameras=self._looking(stretch),
-                    kinds=self._kinds,
+                    self._evidence(stretch, chart, self._footprint(stretch, chart)), kept, gone, self._kinds
                 )
                 return {"sun": np.array([] if sun is None else [sun.score, sun.azimuth, sun.elevation, *sun.towards])}
 
@@ -198,7 +195,7 @@ class StreetFill:
         if not found:
             return None
         sun, stretch = max(found, key=lambda one: one[0].score)
-        if sun.score >= CLEAR_SCORE:
+        if sun.score >= CLEAR_SCORE or not on("sun_by_holes"):
             return sun
         with_sun, without = self._on_planted_holes(stretch, sun)
         return sun if _surely_more(without, with_sun) else None
@@ -220,19 +217,20 @@ class StreetFill:
         errors = self.kept.within(stretch.name).once("planted", fill)
         return errors["sun"], errors["none"]
 
-    def fill(self, sun: Sun | None, *, shadows: bool) -> None:
+    def fill(self, sun: Sun | None, *, shadows: bool) -> FilledStreet:
         """Relight and fill the ground of all stretches.
 
         Args:
             sun: None where none explains the shadows.
             shadows: whether the removed objects' shadows are removed too.
         """
+        filled = FilledStreet(self, sun, shadows)
         for stretch in self.stretches:
-            self._filled(stretch, sun, shadows)
-        self._sun, self._shadows = sun, shadows
+            filled.own(stretch)
+        return filled
 
-    def _filled(self, stretch: Stretch, sun: Sun | None, shadows: bool) -> StreetChart:
-        """The filled rows that a stretch owns."""
+    def fill_own(self, stretch: Stretch, sun: Sun | None, *, shadows: bool) -> StreetChart:
+        """The rows that a stretch owns, relit and filled, see :meth:`fill`."""
 
         def make() -> dict[str, NDArray[Any]]:
             chart = self._read(stretch)
@@ -253,29 +251,11 @@ class StreetFill:
         light = None
         if sun is not None:
             kept, gone = self._near(stretch)
-            light = light_of_scene(
-                chart,
-                kept,
-                gone,
-                footprint=footprint,
-                cameras=self._looking(stretch),
-                kinds=self._kinds,
-                sun=sun,
-            )
+            light = light_of_scene(self._evidence(stretch, chart, footprint), kept, gone, self._kinds, sun)
         reach = SHADOW_REACH_M if shadows else 0.0
         return fill_chart(chart, footprint, light=light, shadow_reach_m=reach, progress=self._progress(stretch))
 
-    def own(self, stretch: Stretch) -> StreetChart:
-        """The filled rows of a stretch."""
-        return self._filled(stretch, self._sun, self._shadows)
-
-    def seen_from(self, stretch: Stretch) -> StreetChart:
-        """The filled ground that a stretch's frames see: of its own, and what of the next ones is near."""
-        reach = round(SEEN_M / TEXEL_M)
-        near = max(stretch.rows[0] - reach, 0), min(stretch.rows[1] + reach, rows_of(self.ground))
-        return self._gathered(self.own, *seen_rows(self.ground, [self.cameras[i] for i in stretch.own], *near))
-
-    def _gathered(self, chart_of: Callable[[Stretch], StreetChart], first: int, end: int) -> StreetChart:
+    def gathered(self, chart_of: Callable[[Stretch], StreetChart], first: int, end: int) -> StreetChart:
         """Rows of the drive's chart from ``first`` up to ``end``, as far as there are such, from the stretches that own them."""
         own = [s for s in self.stretches if max(s.rows[0], first) < min(s.rows[1], end)]
         first, end = max(first, own[0].rows[0]), min(end, own[-1].rows[1])
@@ -294,16 +274,6 @@ class StreetFill:
         s_start = self.ground.s_start + TEXEL_M * first
         return StreetChart(self.ground, chart.texel, s_start, chart.t_start, **planes)
 
-    def sources(self) -> ChartSources:
-        """Where the texels of the whole street come from."""
-        sources, labels = [], []
-        for stretch in self.stretches:  # one chart at a time: these are a tenth of it
-            chart = self.own(stretch)
-            sources.append(chart.source)
-            labels.append(chart.label)
-        start = self.ground.s_start + TEXEL_M * self.stretches[0].rows[0]
-        return ChartSources(np.concatenate(sources), np.concatenate(labels), start, chart.t_start, chart.texel)
-
     def told(self, stretch: Stretch, message: str) -> None:
         """Tell that a part of the work is done for a stretch."""
         self.progress(self.stretches.index(stretch) + 1, len(self.stretches), message)
@@ -315,7 +285,7 @@ class StreetFill:
 
     def _read(self, stretch: Stretch) -> StreetChart:
         """The ground of a stretch and of its surroundings as the frames show it."""
-        return self._gathered(self._read_own, *stretch.around)
+        return self.gathered(self._read_own, *stretch.around)
 
     def _read_own(self, stretch: Stretch) -> StreetChart:
         """The ground of a stretch as the frames show it."""
@@ -328,7 +298,7 @@ class StreetFill:
                 self.of_frames(stretch, self.views.labels),
                 self.of_frames(stretch, self.usable),
                 rows=stretch.rows,
-                robust=True,
+                robust=on("robust_chart"),
                 progress=self._progress(stretch),
             ).arrays()
 
@@ -368,6 +338,41 @@ class StreetFill:
     def _footprint(self, stretch: Stretch, chart: StreetChart) -> Mask:
         near = self.near(stretch)
         return footprint_of(chart, self.removal.objects(near), self.removal.loose(near))
+
+
+@dataclass(frozen=True, eq=False)
+class FilledStreet:
+    """A street whose ground is relit and filled.
+
+    Attributes:
+        street: as it was read; sun: see :meth:`StreetFill.fill`; shadows: likewise.
+    """
+
+    street: StreetFill
+    sun: Sun | None
+    shadows: bool
+
+    def own(self, stretch: Stretch) -> StreetChart:
+        """The filled rows of a stretch."""
+        return self.street.fill_own(stretch, self.sun, shadows=self.shadows)
+
+    def seen_from(self, stretch: Stretch) -> StreetChart:
+        """The filled ground that a stretch's frames see: of its own, and what of the next ones is near."""
+        ground, cameras = self.street.ground, self.street.cameras
+        reach = round(SEEN_M / TEXEL_M)
+        near = max(stretch.rows[0] - reach, 0), min(stretch.rows[1] + reach, rows_of(ground))
+        return self.street.gathered(self.own, *seen_rows(ground, [cameras[i] for i in stretch.own], *near))
+
+    def sources(self) -> ChartSources:
+        """Where the texels of the whole street come from."""
+        stretches = self.street.stretches
+        sources, labels = [], []
+        for stretch in stretches:  # one chart at a time: these are a tenth of it
+            chart = self.own(stretch)
+            sources.append(chart.source)
+            labels.append(chart.label)
+        start = self.street.ground.s_start + TEXEL_M * stretches[0].rows[0]
+        return ChartSources(np.concatenate(sources), np.concatenate(labels), start, chart.t_start, chart.texel)
 
 
 def _surely_more(one: Float64, other: Float64) -> bool:

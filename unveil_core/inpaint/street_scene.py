@@ -17,9 +17,11 @@ from unveil_core.drives.drive import Drive
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.labels import SceneLabels, labels_of_frames
 from unveil_core.semantics.members import Members
+from unveil_core.surfels.scene_edit import SceneEdit
+from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["Removal", "Views", "drive_views"]
+__all__ = ["Given", "Removal", "Views", "drive_views"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,26 @@ class Removal:
 
     def _positions(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
         return self.surfels.means[torch.from_numpy(index)].double().numpy()
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What is known before anything is filled.
+
+    Attributes:
+        drive: whose frames these are; scene: its labels, with what was chosen; sky: behind the scene.
+        removal: what is removed; edit: what that makes of the scene; views: what the frames show.
+        shaded: (H, W) bool per frame, shadows of moving objects; unobserved: (H, W) bool per frame, pixels that no frame shows.
+    """
+
+    drive: Drive
+    scene: SceneLabels
+    removal: Removal
+    edit: SceneEdit
+    sky: Sky
+    views: Views
+    shaded: Sequence[Mask]
+    unobserved: Sequence[Mask]
 
 
 def drive_views(

@@ -20,7 +20,7 @@ from unveil_core.ground.blocks import Blocks
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import READ_M, TEXEL_M, rows_of
 
-__all__ = ["CASTS_M", "Stretch", "cut_street"]
+__all__ = ["CASTS_M", "Stretch", "cut_street", "seen_rows"]
 
 AROUND_M = 25.0
 """Length beyond its ends that a stretch reads as its surroundings, metres: twice the half length of the widest window in which
@@ -32,6 +32,10 @@ QUIET_M, QUIET_SHARE = 12.0, 0.25
 block."""
 CELL_M, SMOOTHED_M = 0.5, 1.0
 """Resolution at which the quietest place is looked for, and standard deviation of its smoothing, metres."""
+
+ASKED_M, MARGIN_M = 1.0, 3.0
+"""Raster of the ground on which cameras are asked, and what is held beyond the first and last place that they show, metres: a
+picture is wider than a step where the ground comes into it, and pixels sample half of their footprint around them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,3 +131,23 @@ def _quietest(middle: float, busy: Float64, reach: float) -> float:
     count: NDArray[np.float64] = np.histogram(busy, edges)[0].astype(np.float64)
     smooth = gaussian_filter1d(count, SMOOTHED_M / CELL_M, mode="nearest")
     return float(at[np.lexsort((np.abs(at - middle), np.round(smooth, 3)))[0]])
+
+
+def seen_rows(ground: Ground, cameras: Sequence[Camera], first: int, end: int) -> tuple[int, int]:
+    """The rows from ``first`` up to ``end`` without those at both ends that no camera shows; all if none shows any.
+
+    Args:
+        ground: whose chart's rows these are.
+    """
+    step, margin = round(ASKED_M / TEXEL_M), round(MARGIN_M / TEXEL_M)
+    rows = np.arange(first, end + step, step)
+    across = np.arange(ground.t_min.min(), ground.t_max.max() + ASKED_M, ASKED_M)
+    s, t = np.repeat(ground.s_start + TEXEL_M * rows, len(across)), np.tile(across, len(rows))
+    places = ground.path.to_world(np.stack([s, t, ground.height_at(s, t)], axis=1))
+    shown = np.zeros(len(rows), dtype=bool)
+    for camera in cameras:
+        shown[camera.shown(places)[0] // len(across)] = True
+    if not shown.any():
+        return first, end
+    seen = rows[shown]
+    return max(int(seen[0]) - margin, first), min(int(seen[-1]) + margin, end)

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
@@ -117,6 +118,11 @@ class _Beside:
         if own.any():
             self.found[name].append(surfels.select(torch.from_numpy(own)))
 
+    def _displace(self, those: NDArray[np.int64]) -> None:
+        """Let surfels near the stretch, by number (K,), make room for what completes them."""
+        if on("replaced_walls"):
+            self.displaced.append(self.near[those])
+
     def _of(self, labels: Sequence[int]) -> tuple[Surfels, NDArray[np.int64]]:
         """The surfels of some labels, and which they are of those near the stretch."""
         those = np.flatnonzero(np.isin(self.local.labels.numpy(), labels))
@@ -129,7 +135,7 @@ class _Beside:
     def _houses(self) -> list[tuple[bool, bool]]:
         """Complete the facades; returns of each side whether houses stand there, and whether anything of them was missing."""
         house = self.fill.scene.labels.index("building")
-        if house is None:
+        if house is None or not on("facades"):
             return [(False, False)] * 2
         (walls, those), seen, told = self._of((house,)), self._views((house,)), []
         owned = self._owned(walls)
@@ -140,9 +146,9 @@ class _Beside:
                 continue
             invented = invented_facades(chart, label=house, sh_degree=walls.sh_degree)
             told.append((True, invented.walls is not None))
-            self.displaced.append(self.near[those[owned & replaced_by(chart, invented.filled, walls)]])
+            self._displace(those[owned & replaced_by(chart, invented.filled, walls)])
             self._add("walls", invented.walls)
-            self._add("curtains", invented.open)
+            self._add("curtains", invented.open if on("sky_over_facades") else None)
         return told
 
     def _barriers(self) -> None:
@@ -150,12 +156,12 @@ class _Beside:
         labels = self.fill.scene.labels.indices(BARRIER_CLASSES)
         (surfels, those), seen = self._of(labels), self._views(labels)
         owned = self._owned(surfels)
-        for left in (False, True):
+        for left in (False, True) if on("barriers") else ():
             barriers = read_barriers(self.fill.ground, surfels, seen, left=left, along=self.stretch.s_around)
             if barriers is None:
                 continue
             invented, filled = complete_barriers(barriers, sh_degree=surfels.sh_degree)
-            self.displaced.append(self.near[those[owned & replaced_by(barriers.chart, filled, surfels)]])
+            self._displace(those[owned & replaced_by(barriers.chart, filled, surfels)])
             self._add("walls", invented)
 
     def _views(self, labels: Sequence[int]) -> Sequence[FacadeView]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.frame_cache import Frames
-from unveil_core.base.onnx_files import files_of
+from unveil_core.base.networks.onnx_files import files_of
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Float32, Picture
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID, train_id

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.networks.onnx_files import check_readable, describe, open_onnx, short
 from unveil_core.base.networks.session import OnnxSession, OnnxValue
-from unveil_core.base.onnx_files import check_readable, describe, open_onnx, short
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.images import within
 from unveil_core.marking.asked.prompts import Prompt

@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
+from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import NEAR_M
@@ -91,7 +92,7 @@ def start_ground(
     cache = cache or FrameCache()
     track = longest_track(drive)
     of_track = [cameras[i] for i in track]
-    if measured is None or measured > MEASURED:
+    if measured is None or measured > MEASURED or not on("ground_by_photographs"):
         return None
 
     def barred(i: int) -> Mask:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from unveil_core.base.onnx_files import files_of
+from unveil_core.base.networks.onnx_files import files_of
 from unveil_core.corrections.files import read_corrections
 from unveil_core.drives import open_drive
 from unveil_core.drives.imported import read_imported

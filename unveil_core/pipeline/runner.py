@@ -14,7 +14,7 @@ import threading
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from unveil_core.base.errors import (
 from unveil_core.base.files import full_disk, is_out_of_gpu_memory, is_out_of_memory
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.kernels.device import check_device, working_on
+from unveil_core.base.mechanisms import without
 from unveil_core.base.parallel import ThreadErrors
 from unveil_core.base.process_memory import (
     free_cycles,
@@ -46,6 +47,7 @@ from unveil_core.base.resume.parts import Parts
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.forecasting import Expected
+from unveil_core.pipeline.mechanisms import of_stage
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import (
     SCRATCH,
@@ -232,7 +234,7 @@ def run_block(
             partial = open_partial(workspace, stage.name, wanted)
         with workspace.lock(shared=True):
             attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
-            with ThreadErrors() as threads, working_on(settings.device) as used:
+            with ThreadErrors() as threads, working_on(settings.device) as used, attempt.mechanisms():
                 try:
                     stage.run_block(attempt.context(partial), number)
                 finally:
@@ -308,8 +310,7 @@ class _Attempt:
         stage, workspace = self.stage, self.workspace
         partial = open_partial(workspace, stage.name, wanted)
         begun_before = (partial / SCRATCH).exists()
-        values = self.settings.to_json()
-        chosen = {k: values[k] for k in stage.settings}
+        chosen = stage.chosen(self.settings)
         started = time.monotonic()
         workspace.update_stage(stage.name, status="running", attempt={"settings": chosen})
         if self.expected is not None:
@@ -318,7 +319,7 @@ class _Attempt:
         threads = ThreadErrors()
         try:
             self._load()
-            with threads, working_on(self.settings.device) as used:
+            with threads, working_on(self.settings.device) as used, self.mechanisms():
                 facts = stage.run(self.context(partial))
             threads.check()
             if self.stop.is_set():
@@ -359,6 +360,10 @@ class _Attempt:
         self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds, **self._left(1, 1)))
         if self.expected is not None and not begun_before:
             self.expected.ended(stage.name, seconds)
+
+    def mechanisms(self) -> AbstractContextManager[None]:
+        """A block in which those mechanisms of the stage do not work that the run does without."""
+        return without(of_stage(self.stage.name, self.settings.without))
 
     def _load(self) -> None:
         """Import what the stage's function is made of."""

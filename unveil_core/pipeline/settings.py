@@ -12,6 +12,7 @@ from unveil_core.base.drive_options import ALL_SWEEPS, DriveOptions
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
+from unveil_core.pipeline.mechanisms import check_mechanisms
 
 __all__ = ["MOVERS", "ORDERS", "POSES", "QUALITIES", "UPS", "RunSettings", "bytes_of"]
 
@@ -96,6 +97,7 @@ class RunSettings:
             the path of an ONNX file, which is made absolute.
         baselines: whether the report fills the frames by single-image inpainters, too, to stand beside ours; it counts only where
             a true empty street is known.
+        without: names of mechanisms that do not work, see ``pipeline.mechanisms``: for experts, to see what each is worth.
         reference_inpainter: path of an ONNX file that paints by a reference, likewise; None = none.
         order: of the frames in which holes are filled, "reverse", "forward" or "independent".
         keyframes: frames in which unobserved content is invented for all others, by stem or number (see
@@ -119,6 +121,7 @@ class RunSettings:
     splats: int | None = None
     adapt: bool = True
     baselines: bool = False
+    without: tuple[str, ...] = ()
     reference_inpainter: str | None = None
     marked: str | None = None
     corrections: str | None = None
@@ -145,6 +148,7 @@ class RunSettings:
         if self.segmenter is not None and not is_file(self.segmenter):
             raise SettingsError(f"Not a segmenter: {self.segmenter}", mend="give FILE.onnx")
         _ = self.drive_options  # which are checked where they are made
+        check_mechanisms(self.without)
         if self.labels is not None and self.segmenter is not None:
             raise SettingsError(
                 "Given twice: labels, from a folder and from a network", mend="give --labels or --segmenter"

@@ -11,6 +11,7 @@ from unveil_core.base.progress import Progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.resume.parts import Parts
 from unveil_core.ground.blocks import block_name
+from unveil_core.pipeline.mechanisms import of_stage
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.journal import PARTIAL
 from unveil_core.workspace.workspace import Workspace
@@ -125,3 +126,8 @@ class Stage:
     check: Callable[[RunSettings], None] | None = None
     variant: str = ""
     run_block: Callable[[StageContext, int], None] | None = None
+
+    def chosen(self, settings: RunSettings) -> Facts:
+        """The settings that influence the result, JSON-able; of mechanisms that a run does without those of this stage."""
+        values = settings.to_json() | {"without": of_stage(self.name, settings.without)}
+        return {name: values[name] for name in self.settings}

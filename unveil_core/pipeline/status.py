@@ -85,7 +85,7 @@ def stages_not_begun(why: str = "not made yet") -> dict[str, StageState]:
 
 def _changed(stage: Stage, entry: dict[str, Any], settings: RunSettings) -> str:
     """The settings that are not those that a stage was made with, as ``quality draft -> high``."""
-    before, now = entry.get("settings"), settings.to_json()
+    before, now = entry.get("settings"), stage.chosen(settings)
     if not isinstance(before, dict):
         return ""
     pairs = ((name, before[name], now[name]) for name in stage.settings if name in before and before[name] != now[name])

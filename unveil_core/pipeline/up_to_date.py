@@ -132,10 +132,9 @@ def _is_digest(entry: object) -> bool:
 def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: Digests) -> str:
     """Digest of everything that a stage's result depends on: code, settings, and the content of all files that it reads."""
     digests.begin()
-    values = settings.to_json()
     files = settings.files  # of these the content counts, see Stage.outside
     parts: list[object] = [stage.name, stage.variant, code_digest(stage.run)]
-    parts += [{k: values[k] for k in stage.settings if k not in files}]
+    parts += [{k: value for k, value in stage.chosen(settings).items() if k not in files}]
     parts += [(name, digests.of(workspace.root / name)) for name in stage.inputs]
     if stage.outside is not None:
         parts += [digests.of_outside(stage.outside(workspace, settings, drive))]

@@ -19,20 +19,20 @@ from unveil_core.drives.drive import Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.geometry.images import mask_bits, mask_of_bits, smoothed
 from unveil_core.inpaint.frames.compose import optimized_pixels
-from unveil_core.inpaint.origin import ORIGINAL, RELIT
+from unveil_core.inpaint.origin import ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.provenance.doubts import find_doubts
 from unveil_core.provenance.leftovers import RemovedPlaces, leftovers_of
-from unveil_core.provenance.origins import frame_origins, marked_by, rendered_origins, scene_origins
+from unveil_core.provenance.origins import frame_origins, marked_by, rendered_origins
 from unveil_core.provenance.witnesses import Witnesses, seen_by
 from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.scene_edit import read_edit
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import frame_file, load_array, load_mask
+from unveil_core.workspace.files import frame_file, load_mask
 from unveil_core.workspace.movers import Moving, no_street, read_moving
 
-__all__ = ["ORIGIN_FILES", "EmptyLooks", "FrameProvenance", "looks_of", "provenance_of", "surfel_origins"]
+__all__ = ["EmptyLooks", "FrameProvenance", "looks_of", "provenance_of", "surfel_origins"]
 
-ORIGIN_FILES = tuple(f"surfels/{name}.npy" for name in ("removed", "displaced", "relit", "seed_origins"))
-"""Of a workspace, which tell where the colours of the empty scene's surfels come from."""
+EDIT = "surfels/edit.npz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,8 @@ def surfel_origins(root: Path, count: int) -> NDArray[np.uint8]:
     Raises:
         WorkspaceError: the workspace tells of another number.
     """
-    gone, displaced, relit, seeds = (load_array(root / name) for name in ORIGIN_FILES)
-    origins = scene_origins(~(gone.astype(bool) | displaced.astype(bool)), relit.astype(bool), seeds.astype(np.uint8))
+    edit = read_edit(root / EDIT)
+    origins = edit.carried(np.where(edit.relit, RELIT, SEEN_ELSEWHERE).astype(np.uint8), edit.origin)
     if len(origins) != count:
         raise WorkspaceError(
             f"has {count} surfels, {len(origins)} are expected",
@@ -139,8 +139,8 @@ def surfel_origins(root: Path, count: int) -> NDArray[np.uint8]:
 
 def _removed_places(root: Path) -> RemovedPlaces:
     """Where the removed objects of a workspace stood."""
-    gone = load_array(root / "surfels/removed.npy").astype(bool)
-    return RemovedPlaces(read_surfels(root / "surfels/full.ply").means.double().numpy()[gone])
+    places = read_surfels(root / "surfels/full.ply").means.double().numpy()
+    return RemovedPlaces(places[read_edit(root / EDIT, len(places)).removed])
 
 
 def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], moving: Moving) -> NDArray[np.uint8]:

@@ -17,18 +17,9 @@ from unveil_core.raster.on_device import array
 from unveil_core.raster.on_device import rendered as rendered_planes
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["frame_origins", "marked_by", "rendered_origins", "scene_origins"]
+__all__ = ["frame_origins", "marked_by", "rendered_origins"]
 
 Origins = NDArray[np.uint8]
-
-
-def scene_origins(stays: Mask, relit: Mask, of_seeds: Origins) -> Origins:
-    """(M,) origins of the empty scene's surfels: of the full scene's N those that stay, then the seeds.
-
-    Args:
-        stays, relit: (N,) of the full scene; of_seeds: (M - N',).
-    """
-    return np.concatenate([np.where(relit[stays], RELIT, SEEN_ELSEWHERE).astype(np.uint8), of_seeds])
 
 
 def marked_by(surfels: Surfels, origins: Origins) -> Surfels:

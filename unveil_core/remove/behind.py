@@ -57,16 +57,13 @@ class EmptyStreet:
         return np.where(pixels, behind, np.inf)
 
 
-def empty_street(
-    surfels: Surfels, gone: NDArray[np.bool_], ground: DriveGround, on_ground: Sequence[int]
-) -> EmptyStreet:
+def empty_street(left: Surfels, ground: DriveGround, on_ground: Sequence[int]) -> EmptyStreet:
     """What is left of a drive.
 
     Args:
-        surfels: the full scene; gone: (N,) those that go.
+        left: surfels that stay.
         ground: of the drive.
         on_ground: labels of the ground; empty where the scene has no classes.
     """
-    labelled = np.isin(surfels.labels.numpy(), on_ground)
-    left, standing = torch.from_numpy(~gone), torch.from_numpy(~gone & ~labelled)
-    return EmptyStreet(surfels.select(left), surfels.select(standing), ground)
+    standing = ~np.isin(left.labels.numpy(), on_ground)
+    return EmptyStreet(left, left.select(torch.from_numpy(standing)), ground)

@@ -7,8 +7,6 @@ the part that some frame shows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -17,9 +15,10 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.grid import PointGrid
 from unveil_core.remove.observed import CELL_M, SeenViews, seen_by_some
+from unveil_core.surfels.scene_edit import Shortened
 from unveil_core.surfels.surfels import Surfels, rotations
 
-__all__ = ["Shortened", "shortened"]
+__all__ = ["shortened"]
 
 REACH = 2.5
 """Standard deviations to which a surfel is looked at: beyond, it covers less than a twentieth of what lies behind it."""
@@ -32,36 +31,6 @@ SHORTEST = 0.1
 """Least share of an axis that is left."""
 AT_ONCE = 50_000
 """Surfels that are looked at together: with all their places some tens of megabytes."""
-
-
-@dataclass(frozen=True, eq=False)
-class Shortened:
-    """Surfels that were shortened.
-
-    Attributes:
-        index: (K,) of the scene's surfels; means: (K, 3) their centres; log_scales: (K, 2 or 3) as in ``Surfels``.
-    """
-
-    index: NDArray[np.int64]
-    means: NDArray[np.float32]
-    log_scales: NDArray[np.float32]
-
-    @staticmethod
-    def from_table(table: NDArray[np.generic]) -> Shortened:
-        """Inverse of :meth:`table`."""
-        index, means, scales = np.split(np.asarray(table), [1, 4], axis=1)
-        return Shortened(index[:, 0].astype(np.int64), means.astype(np.float32), scales.astype(np.float32))
-
-    def table(self) -> Float64:
-        """(K, 6 or 7) one row per surfel: its index, centre and scales; float64 holds all three exactly."""
-        return np.column_stack([self.index, self.means, self.log_scales]).astype(np.float64)
-
-    def of(self, surfels: Surfels) -> Surfels:
-        """The scene with these surfels as they are now."""
-        index = torch.from_numpy(self.index)
-        means, scales = surfels.means.clone(), surfels.log_scales.clone()
-        means[index], scales[index] = torch.from_numpy(self.means), torch.from_numpy(self.log_scales)
-        return replace(surfels, means=means, log_scales=scales)
 
 
 def shortened(surfels: Surfels, stays: Mask, views: SeenViews) -> Shortened:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.mechanisms import on
 from unveil_core.geometry.grid import PointGrid
 from unveil_core.semantics.instances import Box, fit_box, without_strays
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.semantics.members import Members
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["LONGEST_M", "WIDEST_M", "near_removed", "select_removed"]
+__all__ = ["LONGEST_M", "WIDEST_M", "Selection", "near_removed", "select_removed"]
 
 MARGIN_M = 0.15
 """Uncertainty of an object's box, metres; what lies no higher than this over its floor is the ground."""
@@ -29,6 +30,17 @@ HANGING_M, REACH_M = 0.5, 3.0
 """Metres. The floor of a box hangs in the air if what lies under it, at most ``REACH_M`` down, is more than ``HANGING_M`` lower."""
 
 
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Attributes:
+    removed: (N,) surfels that are removed.
+    not_one: boxes by id of the objects whose box takes nothing, since it is not that of one vehicle.
+    """
+
+    removed: NDArray[np.bool_]
+    not_one: dict[int, Box]
+
+
 def select_removed(
     surfels: Surfels,
     instance_of_surfel: NDArray[np.int64],
@@ -37,9 +49,8 @@ def select_removed(
     too_close: float,
     axes: NDArray[np.float64] | None = None,
     ground: NDArray[np.bool_] | None = None,
-    not_one: Callable[[int, Box], None] = lambda instance, box: None,
-) -> NDArray[np.bool_]:
-    """(N,) True where a surfel is removed.
+) -> Selection:
+    """The surfels that are removed.
 
     Surfels within a removed object's box and off the ground are removed with it, whatever their label: they are the object's
     reflections and badly placed background.
@@ -51,13 +62,12 @@ def select_removed(
             metres.
         axes: (3, 3) rows east, north, up of the drive; None leaves the boxes out.
         ground: (N,) surfels that lie where the ground is known to lie: no box takes them; None = not known.
-        not_one: called with the id and the box of each object whose box takes nothing, since it is not that of one vehicle.
     """
     labels = surfels.labels.numpy()
-    chosen = np.isin(labels, scene.removed_labels)
+    chosen, not_one = np.isin(labels, scene.removed_labels), {}
     if scene.instances:
         chosen |= np.isin(instance_of_surfel, scene.instances)
-    if axes is not None:
+    if axes is not None and on("object_boxes"):
         means = surfels.means.detach().to(torch.float64).numpy()
         others = np.flatnonzero(~np.isin(labels, scene.removable_labels))
         # An object is compared with what is near it, not with all surfels of a long drive.
@@ -69,7 +79,7 @@ def select_removed(
             own = own[chosen[own]]
             box = fit_box(without_strays(means[own]), axes, gap=1.0)
             if not _is_one(box, means[own], axes):
-                not_one(int(instance), box)
+                not_one[int(instance)] = box
                 continue
             half = float(np.hypot(*(np.asarray(box.size[:2]) / 2 + MARGIN_M)))
             near = others[grid.near(axes @ np.asarray(box.centre), half + SLACK_M)]
@@ -77,7 +87,8 @@ def select_removed(
             above = -MARGIN_M if _hangs(box, means[near], axes) else MARGIN_M
             inside = near[box.contains(means[near], axes, margin=MARGIN_M, above=above)]
             chosen[inside if ground is None else inside[~ground[inside]]] = True
-    return chosen | near_removed(surfels, chosen, too_close)
+    close = near_removed(surfels, chosen, too_close) if on("border_surfels") else False
+    return Selection(chosen | close, not_one)
 
 
 def _is_one(box: Box, points: NDArray[np.float64], axes: NDArray[np.float64]) -> bool:

@@ -15,7 +15,7 @@ SETTINGS = frozenset(
         "adapt", "baselines", "camera_height", "cameras", "corrections", "device", "frames", "inpainter",
         "instance_maps", "instances", "iterations", "keyframes", "label_classes", "labels", "marked", "mask_removes",
         "memory", "model", "movers", "order", "per_object", "pose_convention", "poses", "quality", "reference_inpainter",
-        "remove", "scale", "scene", "seed", "segmenter", "sh_degree", "shadows", "splats", "sweeps", "up", "work_side",
+        "remove", "scale", "scene", "seed", "segmenter", "sh_degree", "shadows", "splats", "sweeps", "up", "without", "work_side",
     )
 )  # fmt: skip
 """Of a run; named here again because they are defined above this package: a test compares the two. Others give no command, for a

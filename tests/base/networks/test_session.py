@@ -20,8 +20,8 @@ from tests.base.networks.hostile import endless, endless_for_bright, endless_sca
 from tests.inpaint import networks
 from unveil_core.base.errors import Interrupted, SettingsError
 from unveil_core.base.networks import session
+from unveil_core.base.networks.onnx_files import open_onnx
 from unveil_core.base.networks.session import Limits, NetworkProblem, OnnxSession, limits_of
-from unveil_core.base.onnx_files import open_onnx
 from unveil_core.base.progress import stop_asked
 from unveil_core.labelling.segmenter import load_segmenter
 
@@ -129,7 +129,7 @@ import signal
 import sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 from pathlib import Path
-from unveil_core.base.onnx_files import open_onnx
+from unveil_core.base.networks.onnx_files import open_onnx
 import numpy as np
 opened = open_onnx(Path(sys.argv[1]))
 print(opened._process.pid, flush=True)

@@ -152,4 +152,3 @@ def test_sharper_means_finer_pixels_on_the_same_place() -> None:
     asked[large.mask] = sharper_elsewhere(large, [finest])
     wrong = asked ^ (shows(large.camera, B) & large.mask)
     assert wrong.sum() < 0.03 * asked.sum()
-    assert not sharper_elsewhere(far, [near], factor=4.0).any()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -114,13 +116,12 @@ def test_what_given_keyframes_do_not_show_is_invented_once_all_the_same() -> Non
     assert np.abs(inner_colors(painted[:2], holes[:2]) - PAINTS[0]).max() < 25
 
 
-def test_what_is_filled_already_is_no_hole() -> None:
+def test_a_hole_has_the_depth_and_the_area_of_what_it_is_in_and_ends_at_the_sky() -> None:
     task = task_of(before_wall(0.0, 4.0), WINDOW)
-    background = background_layers(task, WALL, None)
-    empty = hole_in_frame(task, background)
-    filled = np.zeros_like(empty)
-    filled[:36] = True
-    assert empty[:36].any() and np.array_equal(hole_in_frame(task, background, filled), empty & ~filled)
-    hole = open_hole(task, WALL, None, filled)
-    assert np.array_equal(hole.mask, empty & ~filled) and np.abs(hole.depth - 4.0).max() < 0.3
+    empty = hole_in_frame(task, background_layers(task, WALL, None))
+    sky = np.zeros_like(empty)
+    sky[:36] = True
+    assert empty[:36].any()
+    hole = open_hole(replace(task, sky=sky), WALL, None)
+    assert np.array_equal(hole.mask, empty & ~sky) and np.abs(hole.depth - 4.0).max() < 0.3
     assert hole.area().sum() == pytest.approx(0.72, rel=0.15)

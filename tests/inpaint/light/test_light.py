@@ -14,10 +14,10 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
 from unveil_core.inpaint.light import sun_by_shadows
-from unveil_core.inpaint.light.casters import lit_at_sunny_walls
+from unveil_core.inpaint.light.casters import NO_KINDS, lit_at_sunny_walls
 from unveil_core.inpaint.light.darkness import in_the_dark
 from unveil_core.inpaint.light.houses import as_high_as_beside, flush_with_facades, of_something_long, solid_columns
-from unveil_core.inpaint.light.scene_light import light_of_scene
+from unveil_core.inpaint.light.scene_light import Evidence, light_of_scene, sun_of_scene
 from unveil_core.inpaint.light.shade import Light, read_shade, shade_where_unseen
 from unveil_core.inpaint.light.shadow_map import Discs, in_shadow
 from unveil_core.inpaint.light.sun import Sun, sun_towards
@@ -26,11 +26,18 @@ from unveil_core.surfels.surfels import Surfels, concatenate
 UP = np.array([0.0, 0.0, 1.0])
 
 
+def found_light(chart: StreetChart, kept: Surfels, gone: Surfels) -> Light | None:
+    """The light by the sun that is found, None where none is."""
+    evidence = Evidence(chart)
+    sun = sun_of_scene(evidence, kept, gone)
+    return None if sun is None else light_of_scene(evidence, kept, gone, NO_KINDS, sun)
+
+
 @cache
 def lit_street(sun: tuple[float, float]) -> tuple[StreetChart, np.ndarray, np.ndarray, Light]:
     """Chart, truth and footprint of a sunny street, and the light found on it."""
     chart, truth, footprint, kept, car = sunny_chart(sun_towards(*sun))
-    light = light_of_scene(chart, kept, car)
+    light = found_light(chart, kept, car)
     assert light is not None
     return chart, truth, footprint, light
 
@@ -58,7 +65,7 @@ def test_casters_that_are_too_large_do_not_turn_the_sun(
     off = []
     for margins in (sun_by_shadows.MARGINS_M, (0.0,)):
         monkeypatch.setattr(sun_by_shadows, "MARGINS_M", margins)
-        light = light_of_scene(chart, kept, box_surfels(CAR + more, spacing=0.2))
+        light = found_light(chart, kept, box_surfels(CAR + more, spacing=0.2))
         assert light is not None
         off.append(angle(light.sun.towards, sun_towards(*sun)))
     assert off[0] < 2.5 and off[0] < off[1]
@@ -69,7 +76,7 @@ def test_shadows_fall_where_rays_to_the_sun_are_blocked(sun: tuple[float, float]
     towards = sun_towards(*sun)
     x, y = np.meshgrid(np.arange(0, 25, 0.1), np.arange(-8, 8, 0.1), indexing="ij")
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    found = in_shadow(points, Discs.of(box_surfels(CROWN)), towards, cell=0.06, bias=0.1).reshape(x.shape)
+    found = in_shadow(points, Discs.of(box_surfels(CROWN)), towards).reshape(x.shape)
     true = blocked(points, CROWN, towards).reshape(x.shape)
     # Discs reach a few centimetres over the box's edges.
     border = cv2.morphologyEx(true.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((5, 5), np.uint8)) > 0
@@ -81,12 +88,12 @@ def test_faint_surfels_and_none_cast_nothing() -> None:
     points = np.zeros((4, 3))
     towards = np.array([0.0, 0.0, 1.0])
     crown = box_surfels(np.array([[-1.0, -1.0, 2.0], [1.0, 1.0, 3.0]]))
-    assert in_shadow(points, Discs.of(crown), towards, cell=0.06, bias=0.1).all()
+    assert in_shadow(points, Discs.of(crown), towards).all()
     faint = type(crown)(
         crown.means, crown.quats, crown.log_scales, crown.opacity_logits * 0 - 5, crown.sh, crown.labels
     )
-    assert not in_shadow(points, Discs.of(faint), towards, cell=0.06, bias=0.1).any()
-    assert not in_shadow(points, Discs.of(crown.select(crown.labels > 5)), towards, cell=0.06, bias=0.1).any()
+    assert not in_shadow(points, Discs.of(faint), towards).any()
+    assert not in_shadow(points, Discs.of(crown.select(crown.labels > 5)), towards).any()
 
 
 @pytest.mark.parametrize("sun", SUNS)
@@ -114,7 +121,7 @@ def test_a_street_in_the_shade_of_its_houses_all_along_tells_where_the_sun_stand
     chart, truth, footprint, kept, car = sunny_chart(towards, ROW)
     dark = in_the_dark(chart, chart.source == OBSERVED)
     assert dark.all(axis=0).sum() > 20, "offsets that are in shade wherever they were seen"
-    light = light_of_scene(chart, kept, car)
+    light = found_light(chart, kept, car)
     assert light is not None and angle(light.sun.towards, towards) < 5.0
     result = fill_chart(chart, footprint, light=light)
     hole = (chart.source == OUTSIDE) & (result.source == INVENTED)
@@ -123,7 +130,7 @@ def test_a_street_in_the_shade_of_its_houses_all_along_tells_where_the_sun_stand
 
 def test_an_overcast_street_has_no_sun() -> None:
     chart, *_, kept, car = sunny_chart(None)
-    assert light_of_scene(chart, kept, car) is None
+    assert found_light(chart, kept, car) is None
 
 
 def test_one_black_spot_is_no_shadow() -> None:
@@ -132,7 +139,7 @@ def test_one_black_spot_is_no_shadow() -> None:
     color, per_m = chart.color.copy(), round(1 / chart.texel)
     color[10 * per_m : 11 * per_m, 9 * per_m : 10 * per_m] *= 0.15
     lamp = box_surfels(np.array([[7.5, -1.0, 2.5], [8.5, 0.0, 3.5]]))
-    assert light_of_scene(replace(chart, color=color), lamp, car) is None
+    assert found_light(replace(chart, color=color), lamp, car) is None
 
 
 @pytest.mark.parametrize("sun", SUNS)
@@ -140,7 +147,7 @@ def test_shadows_that_nothing_seen_casts_are_no_sun(sun: tuple[float, float]) ->
     """What shades the street was not seen, but a low wall beside it was: some direction always explains some of what is dark."""
     chart, *_, car = sunny_chart(sun_towards(*sun))
     wall = box_surfels(np.array([[0.0, 6.0, 0.0], [25.0, 6.5, 3.0]]))
-    assert light_of_scene(chart, wall, car) is None
+    assert found_light(chart, wall, car) is None
 
 
 def test_asphalt_of_two_ages_that_lies_like_shadows_is_no_sun() -> None:
@@ -150,15 +157,8 @@ def test_asphalt_of_two_ages_that_lies_like_shadows_is_no_sun() -> None:
     shaded = chart.color.sum(axis=2) < 0.8 * even.color.sum(axis=2)
     assert 0.05 < shaded.mean() < 0.5
     patched = replace(even, color=np.where(shaded[..., None], 0.86 * even.color, even.color).astype(np.float32))
-    assert light_of_scene(patched, kept, car) is None
-    assert light_of_scene(chart, kept, car) is not None
-
-
-def test_a_given_sun_is_taken() -> None:
-    chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0]))
-    light = light_of_scene(chart, kept, car, sun=Sun(sun_towards(123.0, 33.0), 1.0, 123.0, 33.0))
-    assert light is not None
-    assert (light.sun.azimuth, light.sun.elevation) == (123.0, 33.0)
+    assert found_light(patched, kept, car) is None
+    assert found_light(chart, kept, car) is not None
 
 
 def test_shade_is_read_with_its_ratio() -> None:

@@ -81,7 +81,7 @@ def test_a_lane_in_the_shade_of_trees_stays_as_it_is_and_a_cars_shadow_goes() ->
     color = np.full((ROWS, COLUMNS, 3), 0.6, np.float32)
     color[lane], color[own & ~lane] = 0.3, 0.35
     shade = Shade((lane | own) & ~cars, np.ones(3, np.float32), np.full_like(color, 0.6))
-    shadow, hopeless = shadows_of_removed(color, ~cars, shade, cars, None, reach_m=2.0, black_ratio=0.3, per_m=PER_M)
+    shadow, hopeless = shadows_of_removed(color, ~cars, shade, cars, None, reach_m=2.0, per_m=PER_M)
     assert not (shadow & lane).any()
     assert shadow[own & ~lane].mean() > 0.9
     assert not hopeless.any()

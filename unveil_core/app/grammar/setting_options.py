@@ -21,6 +21,13 @@ class _Names(tuple[str, ...]):
         return value == self.default or super().__contains__(value)
 
 
+class _Added(argparse.Action):
+    """Adds to what was given before."""
+
+    def __call__(self, parser: object, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
+        setattr(namespace, self.dest, (*getattr(namespace, self.dest, ()), *values))
+
+
 def add_settings(p: CommandParser) -> None:
     """An option for each setting, under the setting's name.
 
@@ -47,6 +54,8 @@ def _add(p: CommandParser, group: Any, setting: Setting, *, hidden: bool = True)
         options["action"] = argparse.BooleanOptionalAction
     else:
         options["type"] = _parsed(setting)
+        if setting.repeated:
+            options["action"] = _Added
         options["metavar"] = setting.metavar or "|".join(setting.kind.names)
         if setting.kind.names:
             options["choices"] = _Names(setting.kind.names)

@@ -25,9 +25,10 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.scene_edit import read_edit
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import frame_file, load_array, load_mask, load_selection
+from unveil_core.workspace.files import frame_file, load_mask, load_selection
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = [
@@ -121,7 +122,7 @@ def open_splats(footage: Footage) -> Splats:
     """Read the reconstructed scene of a workspace."""
     workspace, frames = footage.workspace, footage.drive.frames
     full = read_surfels(workspace.surfels_full)
-    gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
+    gone = read_edit(workspace.root / "surfels/removal.npz", len(full)).removed
     exposures = read_exposures(workspace.exposure_json)
     images = tuple(exposures.of(f).canonical(p) for f, p in zip(frames, footage.photographs, strict=True))
     return Splats(

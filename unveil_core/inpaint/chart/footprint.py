@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask
 from unveil_core.inpaint.chart.street_chart import StreetChart
 
@@ -41,7 +42,7 @@ def footprint_of(
         footprint |= texels & _dense(texels, chart.texel, 0.0)
     for means in removed:
         texels = _low_texels(chart, means)
-        if np.count_nonzero(texels) < 3:
+        if np.count_nonzero(texels) < 3 or not on("footprint_hulls"):
             footprint |= texels
             continue
         dense = _dense(texels, chart.texel)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.street import Ground
-from unveil_core.inpaint.chart.street_chart import NEAREST_M, READ_M, TEXEL_M, arc_lengths
+from unveil_core.inpaint.chart.street_chart import READ_M, TEXEL_M, arc_lengths
+from unveil_core.inpaint.chart.surface import NEAREST_M
 from unveil_core.inpaint.light.view_light import GroundLooks, light_of
 
 __all__ = ["read_looks"]

@@ -14,7 +14,8 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.ground.street import Ground
-from unveil_core.inpaint.chart.street_chart import NEAREST_M, READ_M
+from unveil_core.inpaint.chart.street_chart import READ_M
+from unveil_core.inpaint.chart.surface import NEAREST_M
 from unveil_core.inpaint.chart.texels import Texels
 
 __all__ = ["CELL_M", "UNKNOWN", "PlanView", "read_plan"]

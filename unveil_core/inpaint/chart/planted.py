@@ -18,14 +18,14 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.images import grow, luminance, masked_blur
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
 
-__all__ = ["PlantedHoles", "plant_holes"]
+__all__ = ["MOVED_M", "PlantedHoles", "plant_holes"]
 
 MOVED_M = tuple(
     (along, across)
     for along in (0.0, -6.0, 6.0, -12.0, 12.0, -18.0, 18.0)
     for across in (0.0, -2.0, 2.0, -4.0, 4.0, -6.0, 6.0)
 )
-"""Ways, along and across the street, metres, by which footprints are moved; the first ones that fit are taken."""
+"""Ways, along and across the street, metres, by which footprints are moved to where nothing stood, the nearest first."""
 LEAST_M2 = 1.0
 """Area of the smallest footprint that is moved, square metres: a bicycle."""
 MARGIN_M, AWAY_M = 0.25, 1.0

@@ -21,13 +21,15 @@ TAPS = 7
 """Samples along a pixel's footprint, as in anisotropic texture filtering."""
 LONGEST_TEXELS = 100.0
 """Longest footprint that is sampled, texels (4 m): the blur levels bridge the distance between its taps up to there."""
+LEVELS = 4
+"""Of blurs, the picture itself among them."""
 PIXELS = 2048
 """That a thread takes at a time: some tenths of a millisecond of work."""
 
 
-def blur_levels(picture: Float32, count: int = 4) -> list[Float32]:
+def blur_levels(picture: Float32) -> list[Float32]:
     """The picture and its blurs with doubling width, all at full size."""
-    blurred = (cv2.GaussianBlur(picture, (0, 0), 0.5 * 2.0**k) for k in range(1, count))
+    blurred = (cv2.GaussianBlur(picture, (0, 0), 0.5 * 2.0**k) for k in range(1, LEVELS))
     return [picture, *(b.reshape(picture.shape) for b in blurred)]  # of one channel OpenCV drops the axis
 
 

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
 from unveil_core.ground.street import Ground
+from unveil_core.inpaint.chart.surface import shown_places
 from unveil_core.inpaint.chart.texels import Texels
 from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
 
@@ -39,8 +41,6 @@ __all__ = [
 
 OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
 """Where a texel's colour comes from: nowhere (off the ground), the frames, the frames with a shadow taken away, the filling."""
-NEAREST_M = 0.3
-"""Depth in front of which a camera shows no ground, metres: closer than any camera stands to it."""
 RELIT_GAIN = 1.02
 """Gain above which ground counts as relit: two per cent, five levels of 255 in bright asphalt, are not seen."""
 TEXEL_M = 0.04
@@ -110,6 +110,10 @@ class StreetChart:
         """(N, 3) world positions of texel centres."""
         s, t = self.s_start + self.texel * rows, self.t_start + self.texel * columns
         return self.ground.path.to_world(np.stack([s, t, self.ground.height_at(s, t)], axis=1))  # type: ignore[arg-type, list-item]
+
+    def normal(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
+        """(N, 3) unit normals there: up."""
+        return np.repeat(UP[None], len(rows), axis=0)
 
     def index_of(self, street: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """Nearest rows and columns of street coordinates (N, 2+), and whether they lie on the chart."""
@@ -197,12 +201,9 @@ def read_chart(
     for again in rounds:
         differences = []
         for v, camera in enumerate(cameras):
-            here = float(ground.path.to_street(camera.centre[None])[0, 0])
-            first = np.searchsorted(s, here - READ_M) * width
-            last = np.searchsorted(s, here + READ_M) * width
-            shown, pixel, depth = camera.shown(world[first:last], nearest=NEAREST_M, furthest=READ_M)
-            ground_there = inside[first + shown]
-            index, pixel, depth = first + shown[ground_there], pixel[ground_there], depth[ground_there]
+            index, pixel, depth = shown_places(world, grid_s, ground.path, camera, READ_M, furthest_m=READ_M)
+            there = inside[index]
+            index, pixel, depth = index[there], pixel[there], depth[there]
             if len(index):  # else the view need not even be loaded
                 found = texels.add(index, pixel, depth, images[v], labels[v], usable[v])
                 differences.append(found[:: max(1, len(found) // SAMPLES)])

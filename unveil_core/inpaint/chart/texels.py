@@ -1,4 +1,4 @@
-"""Colours and labels of places on the ground as the views show them, nearer ones counting more."""
+"""Colours and labels of places on a surface as the views show them: what all charts are read into."""
 
 from __future__ import annotations
 
@@ -79,13 +79,26 @@ class Texels:
         Returns:
             (M,) by how much what it shows differs from what was seen of the same texels before, in the channel that differs most.
         """
-        column, row = pixel[:, 0].astype(np.int64), pixel[:, 1].astype(np.int64)
+        column, row = pixel.astype(np.int64).T
         good = usable[row, column]
-        index, pixel, depth, column, row = index[good], pixel[good], depth[good], column[good], row[good]
+        index, depth = index[good], depth[good]
+        closer = depth < self.nearest[index]
+        self.nearest[index[closer]] = depth[closer]
+        w = (1.0 / depth) ** NEARNESS_POWER
+        return self.take(index, pixel[good], w, image, label[row[good], column[good]])
+
+    def take(
+        self,
+        index: NDArray[np.int64],
+        pixel: Float64,
+        w: Float64,
+        image: NDArray[Any],
+        label: NDArray[np.int64] | None = None,
+    ) -> Float32:
+        """Take the looks of one view, see :meth:`add`, each with a weight (N,) and perhaps a label (N,)."""
         if not len(index):
             return np.zeros(0, np.float32)
         found = sample_at(image, pixel)
-        w = (1.0 / depth) ** NEARNESS_POWER
         seen = self.weight[index] > 0
         before = self.total[index[seen]] / self.weight[index[seen], None]
         difference = np.abs(found[seen] - before).max(axis=1).astype(np.float32)
@@ -94,9 +107,8 @@ class Texels:
             w = w / (1 + np.square(far / (OUTLIER * self.spread)))
         self.total[index] += found * w[:, None]
         self.weight[index] += w
-        self._vote(index, label[row, column], w)
-        closer = depth < self.nearest[index]
-        self.nearest[index[closer]] = depth[closer]
+        if label is not None:
+            self._vote(index, label, w)
         return difference
 
     def _vote(self, index: NDArray[np.int64], label: NDArray[np.int64], weight: Float64) -> None:

@@ -23,7 +23,7 @@ from unveil_core.inpaint.facade.facade_chart import (
     empty_chart,
     read_views,
     rows_between,
-    surfels_on,
+    wall_surfels,
     where_hidden,
 )
 from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, fanned_out, offsets_along
@@ -132,7 +132,7 @@ def complete_barriers(barriers: Barriers, *, sh_degree: int) -> tuple[Surfels | 
         # Of a fence one learns nothing for a hedge.
         color, part = _filled(chart, np.where(barriers.label == label, barriers.top, 0))
         filled |= part
-        parts.append(surfels_on(chart, color, part, label=int(label), sh_degree=sh_degree))
+        parts.append(wall_surfels(chart, color, part, label=int(label), sh_degree=sh_degree))
     found = [part for part in parts if part is not None]
     return concatenate(found) if found else None, filled
 

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import border_px, grow, sample_at
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
+from unveil_core.inpaint.chart.surface import shown_places, surfels_on
+from unveil_core.inpaint.chart.texels import Texels
 from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, facade_offsets, fanned_out
 from unveil_core.inpaint.facade.wall_fill import fill_wall
-from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["FacadeChart", "FacadeView", "InventedFacades", "invented_facades", "read_facade", "replaced_by"]
@@ -31,8 +32,6 @@ COARSE_M = 0.25
 EAVES_M, MOSTLY = 3.0, 0.8
 """Height up to which a facade of which nothing was seen must be hidden to be carried on from those beside it, metres, and how much
 of it: a car hides half of that, and what is seen over it is no house."""
-NEAREST_M = 0.3
-"""Depth in front of which a camera shows no facade, metres."""
 AGREE_M, AGREE = 0.3, 0.04
 """Difference between the scene's depth and the facade's up to which a pixel shows the facade, metres plus a share of the depth:
 its relief, and the error of rendered depth. Chosen on the two sample streets."""
@@ -80,6 +79,24 @@ class FacadeChart:
         s, t = self.s_start + self.texel * rows, self.offset[rows]
         height = self.ground.height_at(s, t) + self.texel * (columns + 0.5)  # type: ignore[arg-type]
         return self.ground.path.to_world(np.stack([s, t, height], axis=1))
+
+    def normal(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
+        """(N, 3) unit normals there: to the street, level."""
+        s, t = self.s_start + self.texel * rows, self.offset[rows]
+        ends = [self.ground.path.to_world(np.column_stack([s, t * share, np.zeros(len(rows))])) for share in (0.5, 1.0)]
+        normal: Float64 = ends[0] - ends[1]
+        return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+    def index_of(self, street: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64], Mask]:
+        """Nearest rows and columns of street coordinates (N, 3), and whether they lie on the facade, or close to it."""
+        row = np.round((street[:, 0] - self.s_start) * self.per_m).astype(np.int64)
+        column = np.floor(self.ground.over(street) * self.per_m).astype(np.int64)
+        rows, columns = self.known.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        row, column = np.where(inside, row, 0), np.where(inside, column, 0)
+        with np.errstate(invalid="ignore"):
+            near = np.abs(street[:, 1] - self.offset[row]) < REPLACED_M
+        return row, column, inside & near
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,16 +215,13 @@ def read_views(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float, 
     stands = np.isfinite(chart.offset)[rows]
     rows, columns = rows[stands], columns[stands]
     world = chart.world(rows, columns)
-    along = chart.s_start + chart.texel * rows
-    total, (weight, sky, beyond) = np.zeros((len(rows), 3)), np.zeros((3, len(rows)))
+    along: Float64 = chart.s_start + chart.texel * rows.astype(np.float64)
+    texels, (sky, beyond) = Texels.unseen(len(rows)), np.zeros((2, len(rows)))
     occluded = np.zeros(len(rows), dtype=bool)
     for view in views:
-        here = float(chart.ground.path.to_street(view.camera.centre[None])[0, 0])
-        first, last = np.searchsorted(along, (here - reach_m, here + reach_m))
-        shown, pixel, z = view.camera.shown(world[first:last], nearest=NEAREST_M)
-        if not len(shown):
+        part, pixel, z = shown_places(world, along, chart.ground.path, view.camera, reach_m)
+        if not len(part):
             continue
-        part = first + shown
         x, y = pixel.astype(np.int64).T
         occluded[part[view.removed[y, x]]] = True
         # At the border of what is removed pixels are mixed.
@@ -223,14 +237,13 @@ def read_views(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float, 
         past = clear & ~view.sky[y, x] & (behind > agree + roof_m)
         beyond[part[past]] += w[past]
         w = np.where(behind < agree, w, ROOF_WEIGHT * w)
-        part, pixel, w = part[seen], pixel[seen], w[seen]
-        total[part] += sample_at(view.image, pixel) * w[:, None]
-        weight[part] += w
+        texels.take(part[seen], pixel[seen], w[seen], view.image)
+    weight = texels.weight
     known, color = chart.known.copy(), chart.color.copy()
     open_, passed, hidden = (np.zeros_like(known) for _ in range(3))
     seen = (weight > 0) & (weight >= np.maximum(sky, beyond))
     known[rows[seen], columns[seen]] = True
-    color[rows[seen], columns[seen]] = total[seen] / weight[seen, None] / 255
+    color[rows[seen], columns[seen]] = texels.color()[seen]
     open_[rows, columns] = (sky > weight) & (sky >= beyond)
     passed[rows, columns] = beyond > np.maximum(weight, sky)
     hidden[rows, columns] = occluded
@@ -247,7 +260,7 @@ def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> Inven
     wanted = chart.unseen & stands[:, None]
     fill = fill_wall(chart.color, chart.known, wanted, chart.open, texel=chart.texel)
     walls, opened = (
-        surfels_on(chart, fill.color, part, label=label, sh_degree=sh_degree) for part in (fill.filled, fill.opened)
+        wall_surfels(chart, fill.color, part, label=label, sh_degree=sh_degree) for part in (fill.filled, fill.opened)
     )
     return InventedFacades(walls, opened, fill.filled)
 
@@ -259,38 +272,17 @@ def replaced_by(chart: FacadeChart, filled: Mask, walls: Surfels) -> Mask:
     Args:
         filled: (A, B) texels that were completed; walls: N surfels of houses.
     """
-    place = chart.ground.path.to_street(walls.means.double().numpy())
-    row = np.round((place[:, 0] - chart.s_start) * chart.per_m).astype(np.int64)
-    column = np.floor(chart.ground.over(place) * chart.per_m).astype(np.int64)
-    inside = (row >= 0) & (row < filled.shape[0]) & (column >= 0) & (column < filled.shape[1])
-    row, column = np.where(inside, row, 0), np.where(inside, column, 0)
-    with np.errstate(invalid="ignore"):
-        near = np.abs(place[:, 1] - chart.offset[row]) < REPLACED_M
-    replaced: Mask = inside & near & filled[row, column]
+    row, column, on_wall = chart.index_of(chart.ground.path.to_street(walls.means.double().numpy()))
+    replaced: Mask = on_wall & filled[row, column]
     return replaced
 
 
-def surfels_on(chart: FacadeChart, color: Float32, part: Mask, *, label: int, sh_degree: int) -> Surfels | None:
+def wall_surfels(chart: FacadeChart, color: Float32, part: Mask, *, label: int, sh_degree: int) -> Surfels | None:
     """Surfels for a part (A, B) of the facade, in the colours (A, B, 3); None for no part."""
     rows, columns = np.nonzero(part)
     if not len(rows):
         return None
-    street = np.stack([chart.s_start + chart.texel * rows, chart.offset[rows]], axis=1)
-    ends = [
-        chart.ground.path.to_world(np.column_stack([street[:, 0], street[:, 1] * share, np.zeros(len(rows))]))
-        for share in (0.5, 1.0)
-    ]
-    normal = ends[0] - ends[1]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    labels, colors = np.full(len(rows), label, dtype=np.int64), color[rows, columns]
     # A little behind the facade: at the gap's border its observed surfels cover them.
-    places = chart.world(rows, columns) - chart.texel * normal
-    return surfels_from_points(
-        places,
-        np.clip(np.round(color[rows, columns] * 255), 0, 255).astype(np.uint8),
-        np.full(len(rows), label, dtype=np.int64),
-        normal,
-        np.full(len(rows), chart.texel),
-        sh_degree=sh_degree,
-        opacity=0.95,
-        scale_factor=0.7,
-    )
+    behind = chart.texel
+    return surfels_on(chart, rows, columns, colors, labels, spacing=chart.texel, sh_degree=sh_degree, behind=behind)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float64, Mask
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
@@ -144,6 +145,8 @@ def carried_on(offset: Float64, hidden: Mask, texel: float, carried_m: float = C
     away.
     """
     result = offset.copy()
+    if not on("carried_facades"):
+        return result
     edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden & ~np.isfinite(offset), [0]]).astype(np.int8)))
     touch, farthest = max(1, round(TOUCH_M / texel)), carried_m / texel
     for first, last in zip(edges[::2], edges[1::2], strict=True):

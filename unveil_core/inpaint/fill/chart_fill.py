@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import grow, luminance, spread_from
@@ -49,16 +50,10 @@ WINDOW_M, HOP_M = 5.0, 4.0
 than a parked car, so that each holds open road; chosen on the two sample streets."""
 LONG_WINDOW_M, LONG_HOP_M = 20.0, 8.0
 """The same of the stretch that tells what is painted there: a zebra crossing is 4 m long, and a hole beside it as much again."""
-SHADOW_RATIO = 0.82
-"""Without a known sun: luma of a texel, as a share of its offset's lit level, below which it lies in shadow. Soft shadows under an
-overcast sky take about a quarter of the light; chosen on the two sample streets."""
 SHADOW_REACH_M = 2.0
 """Without a known sun: how far from its object a removed object's shadow may reach, metres. An even sky loses the share
 (1 - d / sqrt(d^2 + h^2)) / 2 of its light at a distance d from a long wall of height h, so that the light falls to SHADOW_RATIO at
 0.85 h: 1.9 m from a van, 1.3 m from a car."""
-BLACK_RATIO = 0.3
-"""Luma of a shadowed texel, as a share of its lit level, below which it holds no texture to relight and is invented: relighting
-would multiply its noise by more than three."""
 BORDER_M = 0.12
 """Width beyond the border of a shadow or an object that is neither, metres: the penumbra, and texels that mix the two."""
 ASIDE_M = 0.4
@@ -91,10 +86,10 @@ def fill_chart(
     s, t = chart.coordinates()
     inside = chart.ground.inside(np.repeat(s, columns), np.tile(t, rows)).reshape(rows, columns)
     # Without a known sun all has the light that prevails.
-    usual = seen & ~sunny_exceptions(chart, seen) if light is None else seen
+    usual = seen & ~sunny_exceptions(chart, seen) if light is None and on("sunny_exceptions") else seen
     shade = _shade(chart, usual, footprint, light)
     shadow, hopeless = shadows_of_removed(
-        chart.color, seen, shade, footprint, light, reach_m=shadow_reach_m, black_ratio=BLACK_RATIO, per_m=per_m
+        chart.color, seen, shade, footprint, light, reach_m=shadow_reach_m, per_m=per_m
     )
     hole = inside & (~seen | hopeless)
     # The penumbra reaches a little beyond what counts as dark.
@@ -113,10 +108,10 @@ def fill_chart(
         relit = shadow & seen & ~hole
         gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
         dim = still_dark(chart.color * gain, target, relit, hole, per_m=per_m)
-        if dim.any():
+        if on("still_dark") and dim.any():
             hole, hopeless, relit = hole | dim, hopeless | dim, relit & ~dim
             gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
-        if light is None:
+        if light is None and on("even_sky"):
             gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
@@ -124,7 +119,8 @@ def fill_chart(
         source[relit] = RELIT
     progress(1, 2, "filling the street")
     labels = _labels(chart, seen, hole)
-    fill = (ground + texture_for(hole, fine, even, chart.texel)) * illumination
+    texture = texture_for(hole, fine, even, chart.texel) if on("quilting") else 0
+    fill = (ground + texture) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
     # Beyond the street the chart goes on as it is carried, so that nothing black is blended in at its edge.
@@ -152,6 +148,8 @@ def _carried(chart: StreetChart, sunny: Float32, even: Mask) -> tuple[Float32, F
 def _streets(chart: StreetChart, known: Mask) -> list[slice]:
     """The rows of all, then those of each street between corners of which something is ``known`` (A, B): in a corner the ground is
     that of all, before and after it each street has its own."""
+    if not on("streets_apart"):
+        return [slice(None)]
     streets = parts_between_corners(chart.ground.path, chart.coordinates()[0])
     return [slice(None), *(part for part in streets if len(streets) > 1 and known[part].any())]
 
@@ -167,6 +165,8 @@ def _profile(chart: StreetChart) -> Profile:
 
     def of_one(color: Float32, usable: Mask) -> Float32:
         long, short = (lateral_profile(color, usable, window=window, hop=hop)[0] for window, hop in windows)
+        if not on("short_profile"):
+            return long
         brighter = (short / np.maximum(long, 0.02) - 1).astype(np.float32)
         same = np.abs(luminance(brighter)) < OTHER_PAINT
         return (long * (1 + spread_from(brighter, same, [ACROSS_M * per_m]))).astype(np.float32)
@@ -185,9 +185,7 @@ def _shade(chart: StreetChart, seen: Mask, footprint: Mask, light: Light | None)
     per_m = 1.0 / chart.texel
     if light is None:
         window, hop = int(WINDOW_M * per_m), max(1, int(HOP_M * per_m))
-        return prevailing_shade(
-            chart.color, seen, footprint, shadow_ratio=SHADOW_RATIO, window=window, hop=hop, per_m=per_m
-        )
+        return prevailing_shade(chart.color, seen, footprint, window=window, hop=hop, per_m=per_m)
     profile = _profile(chart)
     # Right beside an object it is dark whatever the sun does, which would pass for the colour of its offset.
     clear = ~grow(footprint, CONTACT_M * per_m)

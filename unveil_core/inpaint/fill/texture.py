@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import nearest_known
@@ -40,7 +41,9 @@ def texture_for(hole: Mask, detail: Float32, known: Mask, texel: float) -> Float
     broad = np.abs(luminance(masked_blur(detail, known, SMOOTH_M * per_m)))
     faint = known & ~grow(broad > _usual(broad, known, per_m), SMOOTH_M * per_m)
     quilted = quilt(detail, faint, hole, patch=max(6, int(PATCH_M * per_m)), search=int(SEARCH_M * per_m))
-    return SHARE * _beside_what_is_known(quilted, np.where(faint[..., None], detail, 0).astype(np.float32), hole)
+    if on("mirrored_texture"):
+        quilted = _beside_what_is_known(quilted, np.where(faint[..., None], detail, 0).astype(np.float32), hole)
+    return SHARE * quilted
 
 
 def _usual(broad: Float32, known: Mask, per_m: float) -> Float32:

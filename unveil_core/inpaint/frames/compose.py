@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.images import border_px, grow, masked_blur, scale_from_384
 
 __all__ = ["compose_frame", "in_the_light_of", "optimized_pixels"]
 
+SEAM_PX = 1.0
+"""Width of the blend, measured inwards from the border of what was changed: masks reach that far beyond the object, so the blend
+shows nothing of it."""
 LIGHT_PX = 2.5
 """Standard deviation of what is light, pixels at 384. On planted cars of three real drives 2.5 is 0.03 to 0.1 dB better than 1, and
 0.1 to 0.4 dB than the filled frame alone."""
@@ -23,6 +26,8 @@ def in_the_light_of(rendered: Picture, filled: Picture, removed: Mask) -> Pictur
     Args:
         filled: (H, W, 3) before the scene was optimized; removed: (H, W) pixels of which both show the empty street.
     """
+    if not on("filled_light"):
+        return rendered
     picture = rendered.astype(np.float32)
     sigma = LIGHT_PX * scale_from_384(removed.shape[1])
     light = masked_blur(filled.astype(np.float32) - picture, removed, sigma)
@@ -38,21 +43,17 @@ def optimized_pixels(removed: Mask, moving: Mask) -> Mask:
     Args:
         removed: (H, W) pixels of removed objects; moving: (H, W) pixels of dynamic ones.
     """
-    return removed & ~grow(moving, border_px(removed.shape[1]))
+    return removed & ~grow(moving, border_px(removed.shape[1])) if on("optimized_pixels") else np.zeros_like(removed)
 
 
-def compose_frame(
-    image: NDArray[np.uint8], clean: NDArray[np.uint8], changed: NDArray[np.bool_], *, seam_px: float = 1.0
-) -> NDArray[np.uint8]:
+def compose_frame(image: Picture, clean: Picture, changed: Mask) -> Picture:
     """Put ``clean`` into ``image`` where ``changed``, with a soft seam inside the changed region.
 
     Args:
         image: (H, W, 3) uint8 as photographed; clean: (H, W, 3) uint8 of the empty street.
         changed: (H, W) bool; outside of it the result is the photograph, bit for bit.
-        seam_px: width of the blend, measured inwards from the border of ``changed``. The mask reaches that far beyond
-            the object, so the blend shows nothing of it.
     """
     inward = cv2.distanceTransform(changed.astype(np.uint8), cv2.DIST_L2, 3)
-    share = np.clip(inward / (seam_px + 1.0), 0, 1)[..., None]
+    share = np.clip(inward / (SEAM_PX + 1.0), 0, 1)[..., None]
     blended = image * (1 - share) + clean * share
     return np.where(changed[..., None], np.clip(np.round(blended), 0, 255), image).astype(np.uint8)

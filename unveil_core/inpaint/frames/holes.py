@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
@@ -157,15 +158,13 @@ def background_layers(
     return BackgroundLayers(rendered, solid, chart, in_front, from_chart, below_horizon)
 
 
-def hole_in_frame(task: FrameTask, background: BackgroundLayers, filled: Mask | None = None) -> Mask:
-    """(H, W) pixels of the frame that still lack a surface; ``filled``: pixels that something else has filled."""
+def hole_in_frame(task: FrameTask, background: BackgroundLayers) -> Mask:
+    """(H, W) pixels of the frame that still lack a surface."""
     # The mask's border, beyond the object's pixels, shows what lies beside them: a wider border contains it.
     unseen = grow(task.unobserved, border_px(task.camera.width, 3)) & task.removed
     # Surfels carried from another frame close the hole.
     empty = (unseen | (task.removed & background.below_horizon)) & ~background.from_chart & ~background.solid
-    if task.sky is not None:
-        empty &= ~task.sky
-    return empty if filled is None else empty & ~filled
+    return empty if task.sky is None else empty & ~task.sky
 
 
 def missing_depth(task: FrameTask, background: BackgroundLayers, empty: Mask) -> NDArray[np.float64]:
@@ -173,15 +172,15 @@ def missing_depth(task: FrameTask, background: BackgroundLayers, empty: Mask) ->
     depth = complete_depth(
         background.rendered["depth"], background.rendered["alpha"] > IN_FRONT_ALPHA, empty, background.ceiling
     )
-    if task.free is None:
+    if task.free is None or not on("free_space"):
         return depth
     return task.free.behind(task.camera, empty, depth, ceiling=background.ceiling, furthest=CARRIED_M)
 
 
-def open_hole(task: FrameTask, surfels: Surfels, layer: GroundLayer | None, filled: Mask | None = None) -> Hole:
+def open_hole(task: FrameTask, surfels: Surfels, layer: GroundLayer | None) -> Hole:
     """The hole that ``surfels`` and the chart leave in a frame, see :func:`hole_in_frame`, as far as it is carried to others."""
     background = background_layers(task, surfels, layer)
-    empty = hole_in_frame(task, background, filled)
+    empty = hole_in_frame(task, background)
     if not empty.any():
         return Hole(task.camera, empty, np.zeros(0))
     depth = missing_depth(task, background, empty)

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import ASKED_M
@@ -95,7 +96,7 @@ def plan_keyframes(
     counts = [np.ones(size, dtype=bool) for size in every.sizes]
     least = np.array([area_px((c.height, c.width), LEAST_PX) for c in every.cameras])
     if given is None:
-        if order == "reverse":
+        if order == "reverse" and on("deferred_places"):
             counts = [_sharpest_here(every, i, kept) for i in range(len(holes))]
         chosen = _greedy(every, counts, late, least, kept.checkpoint("chosen"))
     else:
@@ -122,7 +123,7 @@ def plan_keyframes(
             masks = {"free": _bits(free), "deferred": _bits([k.deferred.ravel() for k in keyframes])}
             checkpoint.save(masks, {"turn": turn, "told": told})
         hole, invents = holes[i], free[i]
-        if order == "reverse":
+        if order == "reverse" and on("deferred_places"):
             invents = invents & ~sharper_elsewhere(hole, every.near(hole, chosen[turn + 1 :], i))
         if given is None and invents.sum() < least[i]:
             continue  # frames that were chosen later and come earlier show together what it was chosen for
@@ -248,8 +249,8 @@ def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole)
     return shown[other.mask].astype(bool)
 
 
-def sharper_elsewhere(hole: Hole, others: Iterable[Hole], factor: float = MUCH_SHARPER) -> Mask:
-    """(P,) which of a hole's pixels show a place that lies in another frame's hole, too, and is ``factor`` times finer there."""
+def sharper_elsewhere(hole: Hole, others: Iterable[Hole]) -> Mask:
+    """(P,) which of a hole's pixels show a place that lies in another frame's hole, too, and is much finer there."""
     step = max(1, math.ceil(math.sqrt(len(hole.depth) / ASKED_PX)))
     row, column = np.nonzero(hole.mask)
     # One pixel of each block is asked for, and answers for the block.
@@ -264,7 +265,7 @@ def sharper_elsewhere(hole: Hole, others: Iterable[Hole], factor: float = MUCH_S
         if not len(open_):
             break
         row, column, inside, depth = _in_view(other, points[open_])
-        finer = inside & other.mask[row, column] & (depth / other.camera.fx * factor < size[open_])
+        finer = inside & other.mask[row, column] & (depth / other.camera.fx * MUCH_SHARPER < size[open_])
         found[open_[finer]] = True
     answer: Mask = found[block.ravel()]
     return answer

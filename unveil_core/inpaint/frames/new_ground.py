@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask
-from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import INVENTED, RELIT_GAIN, StreetChart
+from unveil_core.inpaint.chart.surface import surfels_on
 from unveil_core.inpaint.light.view_light import lit
-from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["displaced_by", "ground_relit", "new_ground", "seed_ground", "texels_in_pixels"]
@@ -40,7 +40,8 @@ def new_ground(
     near[row[inside], column[inside]] = 1
     near = cv2.dilate(near, disc(max(1, int(2 * AROUND_M / chart.texel) // 2)))
     # An object that is seen from one side only hides ground far behind it; without surfels the sky would show there.
-    return (chart.source == INVENTED) & ((near > 0) | texels_in_pixels(chart, cameras, masks))
+    in_view = texels_in_pixels(chart, cameras, masks) if on("ground_in_view") else False
+    return (chart.source == INVENTED) & ((near > 0) | in_view)
 
 
 def displaced_by(chart: StreetChart, region: Mask, surfels: Surfels, ground_labels: Sequence[int]) -> Mask:
@@ -81,17 +82,8 @@ def seed_ground(
     colors = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[rows, columns]
     colors = colors if level == 0 else lit(np.clip(colors, 0, 1), np.full(3, level, np.float32))
     label = chart.label[rows, columns].astype(np.int64)
-    normal = np.repeat(UP[None], len(rows), axis=0)
-    return surfels_from_points(
-        chart.world(rows, columns),
-        np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
-        np.where(label >= 0, label, default_label),
-        normal,
-        np.full(len(rows), step * chart.texel),
-        sh_degree=sh_degree,
-        opacity=0.95,
-        scale_factor=0.7,
-    )
+    label = np.where(label >= 0, label, default_label)
+    return surfels_on(chart, rows, columns, colors, label, spacing=step * chart.texel, sh_degree=sh_degree)
 
 
 def texels_in_pixels(chart: StreetChart, cameras: Sequence[Camera], masks: Sequence[Mask]) -> Mask:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -257,7 +258,12 @@ class _Painter:
         depth: NDArray[np.float64],
     ) -> NDArray[np.uint8]:
         """The frame with a hole filled: in layers where labels and a street tell them; a chosen inpainter fills it as a whole."""
-        if self.single_image is not exemplar or background.chart is None or task.ground is None:
+        if (
+            not on("layered_fill")
+            or self.single_image is not exemplar
+            or background.chart is None
+            or task.ground is None
+        ):
             return fill_around(self.single_image, image, hole)
         ground = task.ground | background.from_chart
         beside = ~(ground | task.removed)
@@ -291,7 +297,8 @@ class _Painter:
             origin[from_chart] = ORIGIN_OF_TEXEL[ground.source[from_chart]]
             plain = ring & ground.covered & ~background.in_front & ~ground.shadow & _shows_ground(ground.depth, out)
             plain &= True if task.ground is None else task.ground
-            ground = replace(ground, color=in_local_light(task.image, ground.color, ground.covered, plain))
+            if on("local_light"):
+                ground = replace(ground, color=in_local_light(task.image, ground.color, ground.covered, plain))
             fill[from_chart] = ground.color[from_chart]
             on_ground = ground.replaced | _shows_ground(ground.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
@@ -307,7 +314,7 @@ class _Painter:
             gain[over] = 1.0  # the chart shows it lit already
             origin[shadow] = np.where(over[shadow], CONTINUED, RELIT)
         relit = np.clip(original * gain, 0, 1)
-        if ground is not None and shadow.any():
+        if ground is not None and shadow.any() and on("distant_from_chart"):
             # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
             distant = np.clip((ground.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)
             # Nor does it show the penumbra, which no two views have in the same pixel: relit, it would be an outline.

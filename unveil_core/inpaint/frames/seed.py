@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.chart.surface import OPACITY, SCALE_FACTOR
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -38,6 +39,6 @@ def seed_pixels(
         normal,
         z / camera.fx,
         sh_degree=sh_degree,
-        opacity=0.95,
-        scale_factor=0.7,
+        opacity=OPACITY,
+        scale_factor=SCALE_FACTOR,
     )

@@ -11,13 +11,14 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.mechanisms import on
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.light.crowns import complete_crowns
 from unveil_core.inpaint.light.shadow_map import Discs, in_shadow
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["NO_KINDS", "Casters", "Kinds", "cast_on_chart", "in_shadow_of", "lit_at_sunny_walls"]
+__all__ = ["NO_KINDS", "Casters", "Kinds", "cast_on_chart", "lit_at_sunny_walls"]
 
 CHINK_M = 0.25
 """Radius of lit gaps that are filled in cast shadows, metres: surfels leave holes that a wall has not."""
@@ -29,9 +30,6 @@ COMPANY, COMPANY_M = 6, 0.75
 street is a remainder of something, and as large as a car's hood."""
 STANDS_M = 0.25
 """Height over the ground above which surfels cast shadows, metres: kerbs and the ground's own noise are lower."""
-MAP_CELL_M, MAP_BIAS_M = 0.06, 0.15
-"""Pixel of the shadow map, and how much nearer to the sun a caster must be than what it shades, metres: a texel and a half, and
-the noise of the ground's surfels."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ class Casters:
     def of(chart: StreetChart, kept: Surfels, gone: Surfels, kinds: Kinds) -> Casters:
         kept, gone = (_in_company(_standing(chart, surfels, kinds.ground), kinds.solid) for surfels in (kept, gone))
         trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), kinds.plants)))
-        return Casters(concatenate([kept, complete_crowns(trees, chart.ground)]), gone)
+        return Casters(concatenate([kept, complete_crowns(trees, chart.ground)]) if on("crowns") else kept, gone)
 
 
 def _standing(chart: StreetChart, surfels: Surfels, ground: Sequence[int]) -> Surfels:
@@ -76,15 +74,10 @@ def _standing(chart: StreetChart, surfels: Surfels, ground: Sequence[int]) -> Su
 def _in_company(surfels: Surfels, solid: Sequence[int]) -> Surfels:
     """Without surfels that float alone, unless they are solid: of walls that few frames show there are few."""
     places = surfels.means.detach().double().numpy()
-    alone = np.ones(len(places), dtype=bool)
-    if len(places) > COMPANY:
+    alone = np.full(len(places), on("caster_company"))
+    if len(places) > COMPANY and on("caster_company"):
         alone = cKDTree(places).query(places, k=COMPANY + 1)[0][:, -1] > COMPANY_M
     return surfels.select(torch.from_numpy(~alone | np.isin(surfels.labels.numpy(), solid)))
-
-
-def in_shadow_of(points: NDArray[np.float64], casters: Discs, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(P,) which world points (P, 3) the casters keep from the sun in a direction (3,)."""
-    return in_shadow(points, casters, towards, cell=MAP_CELL_M, bias=MAP_BIAS_M)
 
 
 def cast_on_chart(chart: StreetChart, casters: Surfels, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -94,11 +87,15 @@ def cast_on_chart(chart: StreetChart, casters: Surfels, towards: NDArray[np.floa
     inside = chart.ground.inside(np.repeat(s, shape[1]), np.tile(t, shape[0])).reshape(shape)
     rows, columns = np.nonzero(inside)
     plane = np.zeros(shape, dtype=bool)
-    plane[rows, columns] = in_shadow_of(chart.world(rows, columns), Discs.of(casters), towards)
+    plane[rows, columns] = in_shadow(chart.world(rows, columns), Discs.of(casters), towards)
     # No light comes through chinks, nor between a wall and the ground at its foot.
     chinks = disc(CHINK_M / chart.texel)
     plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
-    return lit_at_sunny_walls(chart, plane, inside, towards, round(AT_FOOT_M / chart.texel))
+    return (
+        lit_at_sunny_walls(chart, plane, inside, towards, round(AT_FOOT_M / chart.texel))
+        if on("lit_wall_feet")
+        else plane
+    )
 
 
 def lit_at_sunny_walls(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import grey_closing, grey_opening, label
 
+from unveil_core.base.mechanisms import on
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
@@ -75,22 +76,22 @@ def solid_columns(
     columns, top = columns[flush], top[flush]
     top = as_high_as_beside(chart, columns * cell, top, cameras)  # type: ignore[arg-type]
     parts, tops = [columns], [top]
-    for end in _ends(columns, top, round(BEYOND_M / COLUMN_M)):
+    for end in _ends(columns, top, round(BEYOND_M / COLUMN_M)) if on("houses_beyond") else ():
 
-        def score(on: float, high: float, end: _End = end) -> float:
-            found = None if judge is None else judge(_discs(chart, *end.drawn_out(on, high), surfels.sh_degree))
+        def score(after: float, high: float, end: _End = end) -> float:
+            found = None if judge is None else judge(_discs(chart, *end.drawn_out(after, high), surfels.sh_degree))
             return 0.0 if found is None else found
 
         # By default the last house is extended a little, and the next one is as high as the others on this side.
-        on, high = GOES_ON_M, end.typical
+        after, high = GOES_ON_M, end.typical
         if judge is not None:
-            high = max((high, *NEXT_HIGH_M), key=lambda h: score(on, h))
-            by_start = {o: score(o, high) for o in (on, *NEXT_AFTER_M)}
+            high = max((high, *NEXT_HIGH_M), key=lambda h: score(after, h))
+            by_start = {o: score(o, high) for o in (after, *NEXT_AFTER_M)}
             best = max(by_start.values())
             # Of what explains the dark places equally well, that which darkens least: a house that begins as late as it may.
-            if best > 0 or by_start[on] < best:
-                on = max(o for o, found in by_start.items() if found == best)
-        drawn, height = end.drawn_out(on, high)
+            if best > 0 or by_start[after] < best:
+                after = max(o for o, found in by_start.items() if found == best)
+        drawn, height = end.drawn_out(after, high)
         parts.append(drawn)
         tops.append(height)
     return _discs(chart, np.concatenate(parts), np.concatenate(tops), surfels.sh_degree)
@@ -257,10 +258,10 @@ class _End:
     step: NDArray[np.int64]
     typical: float
 
-    def drawn_out(self, on: float, high: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Columns (C, 2) and their tops (C,), if the last house goes on for ``on`` metres and the next is so high."""
+    def drawn_out(self, after: float, high: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Columns (C, 2) and their tops (C,), if the last house goes on for ``after`` metres and the next is so high."""
         columns = np.stack([np.repeat(self.rows, len(self.offsets)), np.tile(self.offsets, len(self.rows))], axis=1)
-        return columns, np.repeat(np.where(self.step < round(on / COLUMN_M), self.last, high), len(self.offsets))
+        return columns, np.repeat(np.where(self.step < round(after / COLUMN_M), self.last, high), len(self.offsets))
 
 
 def _ends(columns: NDArray[np.int64], top: NDArray[np.float64], beyond: int) -> list[_End]:

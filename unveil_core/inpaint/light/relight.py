@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur, within
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
+from unveil_core.inpaint.chart.planted import MOVED_M
 from unveil_core.inpaint.light.shade import Light, Shade
 
 __all__ = [
@@ -22,6 +24,12 @@ __all__ = [
     "under_an_even_sky",
 ]
 
+SHADOW_RATIO = 0.82
+"""Without a known sun: luma of a texel, as a share of its offset's lit level, below which it lies in shadow. Soft shadows under an
+overcast sky take about a quarter of the light; chosen on the two sample streets."""
+BLACK_RATIO = 0.3
+"""Luma of a shadowed texel, as a share of its lit level, below which it holds no texture to relight and is invented: relighting
+would multiply its noise by more than three."""
 STRIP_M, REACH_M = 20.0, 3.0
 """Length of the strips that are relit one after the other, metres, and how far a texel's gain looks: two blurs with 1 m around it
 and what they are masked by, half a metre each."""
@@ -54,10 +62,6 @@ MIXED_M, BRIGHT = 0.3, 0.93
 """Distance from what nobody saw within which a texel mixes the ground with the object that hid it, metres: a pixel at 15 m; and the
 share of its lit level below which it still does when it is relit. Cast shadows of eight streets: 0.6 dB more on 72 and on a sample
 street, 0.3 on 50, -0.3 on a sample street without labels, the others the same; dark strokes where cars stood are gone."""
-PLANTED_M = tuple(
-    (along, across) for along in (-18.0, -12.0, -6.0, 0.0, 6.0, 12.0, 18.0) for across in (-5.0, -2.5, 0.0, 2.5, 5.0)
-)
-"""Ways, along and across the street, metres, by which footprints are moved to where nothing stood."""
 BIN_M, EVIDENT = 0.2, 0.5
 """Width of the rings around footprints that are compared, metres, and the share of what is dark around removed objects, up to
 which planted ones may have the same around them, for it to be the objects' doing: with half, every second texel would be."""
@@ -71,22 +75,19 @@ SMOOTH_M, SPECK_M = 0.06, 0.12
 a few centimetres from their offset."""
 
 
-def prevailing_shade(
-    color: Float32, seen: Mask, footprint: Mask, *, shadow_ratio: float, window: int, hop: int, per_m: float
-) -> Shade:
+def prevailing_shade(color: Float32, seen: Mask, footprint: Mask, *, window: int, hop: int, per_m: float) -> Shade:
     """Shade without a known sun: dark is what is darker than its lateral offset mostly is, and its ratio is 1, because nothing says
     which shadows stay.
 
     Args:
         color: (A, B, 3) of the chart; seen: (A, B).
         footprint: (A, B) texels under removed objects: under a lorry all of an offset is dark for longer than the window.
-        shadow_ratio: a texel darker than this share of its offset's lit level is dark.
         window, hop: of the lateral profile, texels; per_m: texels per metre.
     """
     clear = seen & ~grow(footprint, CLEAR_M * per_m)
     median, level = lateral_profile(color, clear, window=window, hop=hop)
     smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
-    dark = seen & (smooth < shadow_ratio * level)
+    dark = seen & (smooth < SHADOW_RATIO * level)
     # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
     opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * per_m))
     scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
@@ -103,6 +104,8 @@ def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m:
     """
     if not footprint.any():
         return 0.0
+    if not on("evident_reach"):
+        return most_m
     bins = int(most_m / BIN_M)
     step = max(1, int(BIN_M * per_m / 2))
     dark, seen, footprint = (m[::step, ::step] for m in (dark, seen, footprint))
@@ -117,7 +120,7 @@ def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m:
     unaffected = seen & ~within(footprint, most_m * per_m)
     found = shares(footprint, seen)
     planted = np.zeros((2, bins), dtype=np.int64)
-    for along, across in PLANTED_M:
+    for along, across in MOVED_M:
         moved = np.array([[1, 0, across * per_m], [0, 1, along * per_m]], dtype=np.float32)
         stood = cv2.warpAffine(footprint.astype(np.uint8), moved, footprint.shape[::-1], flags=cv2.INTER_NEAREST) > 0
         if stood.any():
@@ -143,7 +146,7 @@ def object_shadows(
     ended = (inside > ENDS * size)[place] & dark & zone
     _, patch = cv2.connectedComponents(ended.astype(np.uint8), connectivity=8)
     own: Mask = np.isin(patch, np.unique(patch[ended & touched])) & ended
-    return own & _darker_than_beside(own, level, seen & ~explained, per_m)
+    return own & _darker_than_beside(own, level, seen & ~explained, per_m) if on("ended_shadows") else own
 
 
 def shadows_of_removed(
@@ -154,7 +157,6 @@ def shadows_of_removed(
     light: Light | None,
     *,
     reach_m: float,
-    black_ratio: float,
     per_m: float,
 ) -> tuple[Mask, Mask]:
     """Seen texels (A, B) in the shadow of removed objects, and those that are too dark or too near to them to be relit.
@@ -164,7 +166,6 @@ def shadows_of_removed(
         footprint: (A, B) texels under or inside removed objects.
         light: the shadows that the scene casts, None where that is not known.
         reach_m: how far from its object a shadow may lie where the light is not known, metres; 0 = shadows stay.
-        black_ratio: a shadowed texel darker than this share of its lit level holds no texture to relight.
         per_m: texels per metre.
     """
     if reach_m <= 0:
@@ -194,7 +195,7 @@ def shadows_of_removed(
         shadow = shadow | around(seen & (in_shade < DEEPER), nothing, reach_m, in_shade)
     # What is nearly black has nothing to relight; under a lorry, whose floor is high, there are lines to be seen.
     shadow = shadow | (footprint & shade.dark)
-    hopeless = seen & shadow & (level < black_ratio)
+    hopeless = seen & shadow & (level < BLACK_RATIO)
     hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(SPECK_M * per_m)).astype(bool) & seen
     # Its border is mixed with it.
     hopeless |= grow(hopeless, SPECK_M * per_m) & shadow & seen
@@ -267,6 +268,8 @@ def still_dark(relit: Float32, target: Float32, inside: Mask, hole: Mask, *, per
 def levelled_border(shadow: Mask, per_m: float) -> Mask:
     """(A, B) the border of a shadow (A, B) that is taken away, within which every texel becomes as bright as its lateral offset,
     whatever is painted there; per_m: texels per metre."""
+    if not on("levelled_border"):
+        return np.zeros_like(shadow)
     border: Mask = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_GRADIENT, disc(PENUMBRA_M * per_m)) > 0
     return border
 

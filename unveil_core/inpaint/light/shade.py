@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.light.darkness import blueness
@@ -146,7 +147,7 @@ def read_shade(
         darker = log - np.log(np.maximum(luminance(lit), 0.01))
         dark, paint = seen & (darker < threshold), np.zeros_like(dark)
         tint = float(np.log(ratio[2] / ratio[0]))
-        if tint > LEAST_TINT:
+        if tint > LEAST_TINT and on("tinted_shade"):
             line = lines_along(lit, texels_per_m)
             blue, usual = blueness(smooth), blueness(lit)
             # Asphalt beside a line that drifts from its offset is as dark against it as shade is, but no bluer than the ground.
@@ -217,7 +218,7 @@ def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: f
     Args:
         sound: (A, B) texels that show the ground as it will be; dark: (A, B) of them, in shadow.
     """
-    kept = light.kept & ~_refuted(light.kept, sound, dark)
+    kept = light.kept & ~_refuted(light.kept, sound, dark) if on("refuted_shade") else light.kept
     share = _moved(kept.astype(np.uint8), sound, dark, texels_per_m)
     share = np.clip(share + _correction(share, sound, dark, FAR_M, FAR_PRIOR, texels_per_m), 0, 1)
     correction = _correction(share, sound, dark, NEAR_M, PRIOR, texels_per_m)
@@ -241,6 +242,8 @@ def _correction(
     Args:
         reach_m: standard deviations of the surroundings along s and t, metres; prior: weight of the share.
     """
+    if not on("corrected_shade"):
+        return np.zeros_like(share)
     missed = np.where(sound, dark.astype(np.float32) - (share > 0.5), 0).astype(np.float32)
     # A border's misplacement is no news: what is missed must be broad.
     broad = masked_blur(missed, sound, 0.2 * texels_per_m)
@@ -263,7 +266,7 @@ def _moved(kept: NDArray[np.uint8], sound: Mask, dark: Mask, texels_per_m: float
     seen = coarse(sound & dark) / np.maximum(weight, 1e-6)
     weight[weight < 0.3] = 0
     sigma = WINDOW_M * texels_per_m / factor
-    reach = round(SHIFT_M / SHIFT_STEP_M)
+    reach = round(SHIFT_M / SHIFT_STEP_M) if on("moved_shade") else 0
     best = np.full(cast.shape, -np.inf, dtype=np.float32)
     shift = np.zeros((*cast.shape, 2), dtype=np.float32)
     steps = [(i, j) for i in range(-reach, reach + 1) for j in range(-reach, reach + 1)]
@@ -272,7 +275,7 @@ def _moved(kept: NDArray[np.uint8], sound: Mask, dark: Mask, texels_per_m: float
             cast, np.array([[1, 0, j], [0, 1, i]], dtype=np.float32), size, borderMode=cv2.BORDER_REPLICATE
         )
         wrong = cv2.GaussianBlur(weight * np.abs(moved - seen), (0, 0), sigma)
-        score = -wrong - SHIFT_COST * (i * i + j * j) / reach**2
+        score = -wrong - SHIFT_COST * (i * i + j * j) / max(reach, 1) ** 2
         better = score > best + 1e-6
         best[better] = score[better]
         shift[better] = (i, j)

@@ -23,6 +23,9 @@ REACH = 1.6
 """Radius to which a surfel is drawn, standard deviations: an opaque one is a quarter as dense there."""
 OPAQUE = 0.3
 """Opacity under which a surfel casts no shadow. Reconstruction prunes fainter ones."""
+CELL_M, BIAS_M = 0.06, 0.15
+"""Pixel of the shadow map, and how much nearer to the sun a caster must be than what it shades, metres: a texel and a half, and
+the noise of the ground's surfels."""
 LARGEST_PX = 64
 """Half the side of the square that a surfel is drawn in at most, pixels: bounds the time that single huge ones take."""
 
@@ -51,14 +54,13 @@ class Discs:
         return Discs(means.numpy(), np.ascontiguousarray(axes.transpose(1, 2).numpy()))
 
 
-def in_shadow(points: Float64, casters: Discs, towards_sun: Float64, *, cell: float, bias: float) -> NDArray[np.bool_]:
+def in_shadow(points: Float64, casters: Discs, towards_sun: Float64) -> NDArray[np.bool_]:
     """Whether points lie in shadow.
 
     Args:
         points: (P, 3) world points.
         casters: what casts shadows; the surface that the points lie on should not be among them.
         towards_sun: (3,) unit vector.
-        cell: pixel of the shadow map, metres; bias: a caster counts only if it is nearer to the sun by this, metres.
     Returns:
         (P,) bool.
     """
@@ -68,16 +70,16 @@ def in_shadow(points: Float64, casters: Discs, towards_sun: Float64, *, cell: fl
     across /= np.linalg.norm(across)
     axes = np.stack([across, np.cross(towards_sun, across), towards_sun])
     x, y, height = axes @ points.T
-    left, top = x.min() - cell, y.min() - cell
-    columns, rows = (int(np.ceil(extent / cell)) + 2 for extent in (x.max() - left, y.max() - top))
+    left, top = x.min() - CELL_M, y.min() - CELL_M
+    columns, rows = (int(np.ceil(extent / CELL_M)) + 2 for extent in (x.max() - left, y.max() - top))
     nearest = np.full((rows, columns), -np.inf, dtype=np.float32)
-    _draw(nearest, casters.means, casters.extents, axes, left, top, cell)
+    _draw(nearest, casters.means, casters.extents, axes, left, top, CELL_M)
     # Discs leave chinks between them that no light comes through.
     nearest = cv2.morphologyEx(
         np.where(np.isfinite(nearest), nearest, np.float32(-1e9)), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)
     )
-    row, column = ((values / cell).astype(int) for values in (y - top, x - left))
-    return np.asarray(nearest[row, column] > height + bias)
+    row, column = ((values / CELL_M).astype(int) for values in (y - top, x - left))
+    return np.asarray(nearest[row, column] > height + BIAS_M)
 
 
 @njit(cache=True)

@@ -14,10 +14,10 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
-from unveil_core.inpaint.light.casters import Casters, in_shadow_of
+from unveil_core.inpaint.light.casters import Casters
 from unveil_core.inpaint.light.darkness import coarse, in_the_dark, level_by_label, level_by_offset
 from unveil_core.inpaint.light.shade import CONTACT_M, read_shade
-from unveil_core.inpaint.light.shadow_map import Discs
+from unveil_core.inpaint.light.shadow_map import Discs, in_shadow
 from unveil_core.inpaint.light.sun import ELEVATION_LIMITS, Darkness, Sun, find_suns, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -68,11 +68,15 @@ LEAST_BESIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The observed ground by whose light and shade the sun is found; see :func:`light_of_scene`."""
+    """The observed ground by whose light and shade the sun is found.
+
+    Attributes:
+        chart: as read; footprint: (A, B) texels that removed objects stand on, None = unknown; cameras: of the drive.
+    """
 
     chart: StreetChart
-    footprint: NDArray[np.bool_] | None
-    cameras: Sequence[Camera]
+    footprint: NDArray[np.bool_] | None = None
+    cameras: Sequence[Camera] = ()
 
     def mask(self, contact_m: float) -> NDArray[np.bool_]:
         """(A, B) observed texels near the drive, farther than ``contact_m`` from removed objects, beside which it is dark wherever
@@ -199,7 +203,7 @@ def _refined_sun(
     """
 
     def agreement(azimuth: float, elevation: float, weights: NDArray[np.float64] = worth) -> float:
-        shaded = in_shadow_of(probes.reshape(-1, 3), casters, sun_towards(azimuth, elevation)).reshape(probes.shape[:2])
+        shaded = in_shadow(probes.reshape(-1, 3), casters, sun_towards(azimuth, elevation)).reshape(probes.shape[:2])
         # In shadow by a margin is what is so by all smaller ones, too.
         within = np.logical_and.accumulate(shaded)[::AROUND]
         return max(_correlation(shadow, is_dark, weights) for shadow in within)

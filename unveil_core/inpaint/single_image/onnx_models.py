@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.onnx_files import check_readable, describe, open_onnx, short
+from unveil_core.base.networks.onnx_files import check_readable, describe, open_onnx, short
 from unveil_core.base.types import Mask, Picture
 from unveil_core.inpaint.single_image.crops import Crop, crops
 from unveil_core.inpaint.single_image.onnx_signature import (

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.onnx_files import ONNX_TYPES, describe
+from unveil_core.base.networks.onnx_files import ONNX_TYPES, describe
 
 __all__ = ["BOTH", "IMAGE", "MASK", "REFERENCE", "Port", "SignatureProblem", "read_ports"]
 

@@ -8,8 +8,6 @@ hash of pixel position and iteration, so the same image always gives the same re
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -17,33 +15,19 @@ from numpy.typing import NDArray
 from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.types import Float32, Mask
 
-__all__ = ["PatchFillSettings", "patch_fill"]
+__all__ = ["patch_fill"]
 
 RADIUS = 3
 """Half the side of a patch, pixels: patches are 7x7."""
+ROUNDS_COARSE, ROUNDS_FINE, SEARCHES = 8, 2, 3
+"""Rounds of matching and voting at the coarsest and at the finest level, and sweeps of propagation and random search in each."""
+SMALLEST_PX = 24
+"""No level is smaller than this many pixels on its shorter side."""
 LEAST_SPREAD = np.float32(4.0)
 """Least spread of the votes, squared levels of 255: matches that differ by less than two levels are as good as exact."""
 
 
-@dataclass(frozen=True)
-class PatchFillSettings:
-    """Effort of the search.
-
-    Attributes:
-        rounds_coarse, rounds_fine: rounds of matching and voting at the coarsest and at the finest level.
-        searches: sweeps of propagation and random search per round.
-        smallest: no level is smaller than this many pixels on its shorter side.
-    """
-
-    rounds_coarse: int = 8
-    rounds_fine: int = 2
-    searches: int = 3
-    smallest: int = 24
-
-
-def patch_fill(
-    image: NDArray[np.uint8], mask: Mask, settings: PatchFillSettings | None = None, *, row_cost: float = 0.0
-) -> NDArray[np.uint8] | None:
+def patch_fill(image: NDArray[np.uint8], mask: Mask, *, row_cost: float = 0.0) -> NDArray[np.uint8] | None:
     """Fill ``mask``.
 
     Args:
@@ -52,12 +36,11 @@ def patch_fill(
     Returns:
         (H, W, 3) uint8, the image itself outside of ``mask``; None where no known patch exists to take from.
     """
-    settings = settings or PatchFillSettings()
     if not mask.any():
         return image.copy()
     if not _sources(mask).any():
         return None
-    levels = _pyramid(image.astype(np.float32), mask, settings.smallest)
+    levels = _pyramid(image.astype(np.float32), mask)
     match: NDArray[np.int32] | None = None
     picture = levels[-1][0]
     for depth in range(len(levels) - 1, -1, -1):
@@ -74,12 +57,12 @@ def patch_fill(
             wide = cv2.resize(picture, hole.shape[::-1], interpolation=cv2.INTER_LINEAR)
             picture = np.where(hole[..., None], wide, known).astype(np.float32)
         share = depth / max(1, len(levels) - 1)
-        rounds = round(settings.rounds_fine + share * (settings.rounds_coarse - settings.rounds_fine))
+        rounds = round(ROUNDS_FINE + share * (ROUNDS_COARSE - ROUNDS_FINE))
         cost = np.empty(hole.shape, np.float32)
         certainty, places = _certainty(hole), np.argwhere(sources)
         for turn in range(rounds):
             per_row = np.float32(row_cost * 4.0**depth)
-            _match(picture, sources, places, targets, match, cost, per_row, settings.searches, turn + 100 * depth)
+            _match(picture, sources, places, targets, match, cost, per_row, SEARCHES, turn + 100 * depth)
             # A third of the patches decide; the final vote is sharper still, so that texture is not averaged away.
             spread = max(
                 np.float32(np.percentile(cost[targets].astype(float), 25 if turn + 1 == rounds else 50)), LEAST_SPREAD
@@ -98,14 +81,14 @@ def _sources(hole: Mask) -> Mask:
     return (inside > 0) & (touched == 0)
 
 
-def _pyramid(image: Float32, mask: Mask, smallest: int) -> list[tuple[Float32, Mask]]:
+def _pyramid(image: Float32, mask: Mask) -> list[tuple[Float32, Mask]]:
     """(known colours, hole) per level, finest first: halved until a patch spans the hole or nothing is left to take."""
     levels = [(image, mask)]
     while True:
         known, hole = levels[-1]
         thickness = cv2.distanceTransform(np.pad(hole, 1).astype(np.uint8), cv2.DIST_L2, 3).max()
         size = (hole.shape[1] // 2, hole.shape[0] // 2)
-        if thickness <= RADIUS or min(size) < smallest:
+        if thickness <= RADIUS or min(size) < SMALLEST_PX:
             return levels
         weight = cv2.resize((~hole).astype(np.float32), size, interpolation=cv2.INTER_AREA)
         color = cv2.resize(known * ~hole[..., None], size, interpolation=cv2.INTER_AREA)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.onnx_files import ONNX_TYPES, check_readable, describe, open_onnx, short
+from unveil_core.base.networks.onnx_files import ONNX_TYPES, check_readable, describe, open_onnx, short
 from unveil_core.base.types import Picture
 from unveil_core.labelling.networks.settings import NetworkSettings
 

@@ -58,3 +58,4 @@ class SettingKeywords(TypedDict, total=False):
     order: Literal["reverse", "forward", "independent"] | None
     keyframes: Sequence[int | str] | None
     baselines: bool | None
+    without: Sequence[str] | None

@@ -69,6 +69,7 @@ class Setting:
         low, high: of a number.
         see: page and anchor with more, in docs/.
         back: further words that take it back.
+        repeated: whether the option may be given several times, each adding to those before.
     """
 
     name: str
@@ -85,6 +86,7 @@ class Setting:
     high: float | None = None
     see: str = ""
     back: tuple[str, ...] = ()
+    repeated: bool = False
 
     @property
     def default(self) -> Any:
@@ -322,6 +324,10 @@ TABLE: tuple[Setting, ...] = (
         "baselines", FLAG, "method",
         "in the report of a drive with truth, fill the frames by single-image inpainters, too, for comparison: slow",
         label="Baselines", expert=True,
+    ),
+    Setting(
+        "without", NAMES, "method", "mechanisms that do not work, to see what each is worth; may be given more than once",
+        label="Without", metavar="NAME", usual="none", expert=True, see="command.md#without", back=("none",), repeated=True,
     ),
 )  # fmt: skip
 """All settings, in the order in which they are shown."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import write_json_atomic
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
@@ -105,13 +106,16 @@ def run(context: StageContext) -> Facts:
         cameras = [f.camera for f in frames]
         frames_of = (cameras, images, labels, usable)
         kinds, walls = scene.labels.indices(GROUND_CLASSES), side_places(street, surfels, scene.labels)
-        ahead = path_ahead(street, of_track, *frames_of, kinds=kinds, walls=walls)
-        street = fit_street(surfels, scene.labels, of_track, ahead, measured) or street
-        rectified = rectified_path(street, *frames_of, context.kept, context.progress)
-        street = fit_street(surfels, scene.labels, of_track, rectified.path, measured) or street
+        if on("path_ahead"):
+            ahead = path_ahead(street, of_track, *frames_of, kinds=kinds, walls=walls)
+            street = fit_street(surfels, scene.labels, of_track, ahead, measured) or street
+        if on("rectified_path"):
+            rectified = rectified_path(street, *frames_of, context.kept, context.progress)
+            street = fit_street(surfels, scene.labels, of_track, rectified.path, measured) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")
-    ground = DriveGround(path, street, fit_drive_terrain(measured, path.axes, street))
+    terrain = fit_drive_terrain(measured, path.axes, street) if on("terrain") else None
+    ground = DriveGround(path, street, terrain)
     write_ground(ground, context.output("ground/ground.npz"))
     centres = np.stack([c.centre for c in of_track])
     way = way_of(centres)

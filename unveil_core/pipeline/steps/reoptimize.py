@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.mechanisms import on
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask
 from unveil_core.corrections.files import corrections_of
@@ -33,13 +33,13 @@ from unveil_core.pipeline.stage import StageContext
 from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right
 from unveil_core.provenance.of_workspace import looks_of, provenance_of
 from unveil_core.raster.picture import picture_of
-from unveil_core.remove.reaching import Shortened
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.initialize import repainted
 from unveil_core.surfels.ply import read_surfels, write_surfels
+from unveil_core.surfels.scene_edit import read_edit
 from unveil_core.surfels.sky import Sky, load_sky
-from unveil_core.surfels.surfels import Surfels, concatenate
-from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.files import frame_file, load_labels, load_mask
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["run", "run_block"]
@@ -56,7 +56,7 @@ def run(context: StageContext) -> None:
     corrections = _corrections(context, drive, scene[0])
     clean = _inpainted(context, drive, corrections)
     work = _work(context, drive, scene, clean, sky, corrections)
-    empty = work.whole()
+    empty = work.whole() if on("reoptimization") else work.surfels
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     work.parts.tidy()
     del work, scene  # the scene as it was
@@ -140,16 +140,10 @@ def _scene(context: StageContext, drive: Drive) -> tuple[Surfels, Mask]:
     workspace = context.workspace
     cameras = [f.camera for f in drive.frames]
     full = seen_from_anywhere(read_surfels(workspace.surfels_full), cameras, context.settings.sh_degree)
-    gone, displaced, relit = (
-        load_array(workspace.root / f"surfels/{name}.npy").astype(bool) for name in ("removed", "displaced", "relit")
-    )
-    seeds = read_surfels(workspace.root / "surfels/seeds.ply")
-    stays = ~(gone | displaced)
-    near = near_removed(full, gone, REOPTIMIZE_PRESETS[context.settings.quality].near_m)
-    short = Shortened.from_table(load_array(workspace.root / "surfels/shortened.npy"))
-    near[short.index] = True  # what is left of them has to show what they all showed
-    movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
-    return concatenate([short.of(full).select(torch.from_numpy(stays)), seeds]), movable
+    edit = read_edit(workspace.root / "surfels/edit.npz", len(full))
+    near = near_removed(full, edit.removed, REOPTIMIZE_PRESETS[context.settings.quality].near_m)
+    near[edit.shortened.index] = True  # what is left of them has to show what they all showed
+    return edit.apply(full), edit.carried(near | edit.relit, np.ones(len(edit.origin), dtype=bool))
 
 
 def _work(

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.mechanisms import on
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
@@ -73,7 +74,8 @@ def _overlooked(context: StageContext, drive: Drive, scene: SceneLabels) -> tupl
     """The labels without those that overlook an object: else it would be taken for one that was not there in those frames."""
     into = context.output("masks/overlooked")
     into.mkdir(parents=True, exist_ok=True)
-    if scene.source != "semantics":  # masks by hand are loose in some frames: what they leave out may be meant so
+    # Masks by hand are loose in some frames: what they leave out may be meant so.
+    if scene.source != "semantics" or not on("overlooked"):
         return scene, []
     frames, cache = drive.frames, context.cache
     images = cache.frames(len(frames), lambda i: read_image(frames[i].image_path))

@@ -19,7 +19,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.origin import ORIGIN_COUNT
-from unveil_core.provenance.of_workspace import ORIGIN_FILES, surfel_origins
+from unveil_core.provenance.of_workspace import surfel_origins
 from unveil_core.report.pictures import data_uri, jpeg_uri, png_uri
 from unveil_core.report.provenance import ORIGIN_COLORS
 from unveil_core.report.scene.flight import flight, flight_cameras, movies_can_be_written
@@ -95,7 +95,7 @@ def gather_scene(root: Path, drive: Drive, removed: Float64, progress: Progress)
     surfels = read_surfels(path) if path.is_file() and drive.frames else None
     if surfels is None or not len(surfels):
         return None
-    told = all((root / name).is_file() for name in ORIGIN_FILES)
+    told = (root / "surfels/edit.npz").is_file()
     origins = surfel_origins(root, len(surfels)) if told else None
     sky_path = root / "surfels/sky.npz"
     sky = load_sky(sky_path) if sky_path.is_file() else _no_sky()

@@ -8,8 +8,8 @@ import pytest
 from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import TEXEL_M, rows_of
+from unveil_core.inpaint.stretches import seen_rows
 
 
 def camera_at(x: float, *, yaw: float = 0.0, pitch: float = 0.1) -> Camera:
