@@ -140,7 +140,7 @@ def _strips(
         files = sequences.numbered(held, drive.workspace, "blender", f"{kind}{end}", track).files
         strip = blocks.find(strips, mark, role)
         if strip is not None and versions.strip_files(strip) == [str(f) for f in files]:
-            strip.frame_start = timeline.first(track)
+            versions.place_strip(strip, timeline.first(track))
             continue
         channel = _free_channel(strips) if strip is None else strip.channel
         if strip is not None:
@@ -150,7 +150,7 @@ def _strips(
         )
         for file in files[1:]:
             strip.elements.append(file.name)
-        strip.frame_final_duration = len(files)
+        versions.place_strip(strip, timeline.first(track), len(files))
         strip.directory = blocks.as_preferred(str(files[0].parent))
         blocks.mark(strip, mark, role)
 

@@ -22,6 +22,7 @@ __all__ = [
     "has_window",
     "mix_sockets",
     "new_splat_cloud",
+    "place_strip",
     "set_map_uv_filter",
     "show_in_sequencer",
     "strip_files",
@@ -69,6 +70,14 @@ def show_in_sequencer(context: Any, scene: Any) -> None:
     workspace = getattr(context, "workspace", None)
     if workspace is not None and getattr(workspace, "sequencer_scene", scene) is None:
         workspace.sequencer_scene = scene
+
+
+def place_strip(strip: Any, start: int, length: int | None = None) -> None:
+    """Let an image strip begin at a frame and, where a length is given, last so many: renamed in 5.1, the old names go in 6.0."""
+    is_new = "content_start" in strip.bl_rna.properties
+    if length is not None:
+        setattr(strip, "duration" if is_new else "frame_final_duration", length)
+    setattr(strip, "content_start" if is_new else "frame_start", start)
 
 
 def strip_files(strip: Any) -> list[str]:
@@ -136,21 +145,33 @@ def set_map_uv_filter(node: Any, smooth: bool) -> None:
         node.inputs["Interpolation"].default_value = "Bilinear" if smooth else "Nearest"
 
 
+def _plain_compositor(scene: Any) -> Any:
+    """A new tree that gives what was rendered."""
+    tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    rendered, result = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("NodeGroupOutput")
+    rendered.scene = scene
+    result.location.x = 400
+    tree.links.new(rendered.outputs["Image"], result.inputs["Image"])
+    return tree
+
+
 def compositor_of(scene: Any) -> Any:
     """The compositor's node tree of a scene; where there is none, one that gives what was rendered.
 
-    Up to 4.5 a tree may be there and be switched off: so it stays.
+    Up to 4.5 a tree may be there and be switched off: so it stays. Since 5.3 a scene has a list of effects, each with a tree: it is
+    that of the active one.
     """
+    effects = getattr(scene, "compositor_effects", None)
+    if effects is not None:
+        effect = effects.active or (effects[0] if len(effects) else effects.new("Compositing"))
+        if effect.node_group is None:
+            effect.node_group = _plain_compositor(scene)
+        return effect.node_group
     if not hasattr(scene, "compositing_node_group"):
         if scene.node_tree is None:
             scene.use_nodes = True  # Blender makes the tree
         return scene.node_tree
     if scene.compositing_node_group is None:
-        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-        rendered, result = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("NodeGroupOutput")
-        rendered.scene = scene
-        result.location.x = 400
-        tree.links.new(rendered.outputs["Image"], result.inputs["Image"])
-        scene.compositing_node_group = tree
+        scene.compositing_node_group = _plain_compositor(scene)
     return scene.compositing_node_group
