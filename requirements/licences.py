@@ -22,20 +22,7 @@ __all__ = ["BROUGHT", "KNOWN", "brought_by", "problem_with", "reached"]
 
 ROOT = Path(__file__).resolve().parent.parent
 FITTING = frozenset(
-    (
-        "0BSD",
-        "Apache-2.0",
-        "BSD",
-        "BSD-2-Clause",
-        "BSD-3-Clause",
-        "BSL-1.0",
-        "CC0-1.0",
-        "HPND",
-        "ISC",
-        "MIT",
-        "MIT-CMU",
-        "MPL-2.0",
-    )
+    ("0BSD", "Apache-2.0", "BSD", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0", "HPND", "ISC", "MIT", "MIT-CMU", "MPL-2.0")
     + ("PSF-2.0", "Python-2.0", "Unlicense", "Zlib")
 )
 """SPDX' names. BSD alone is any of its kinds."""
@@ -48,12 +35,7 @@ CLASSIFIERS = {
     "Python Software Foundation License": "PSF-2.0",
     "zlib/libpng License": "Zlib",
 }
-WORDS = {
-    "apache 2.0": "Apache-2.0",
-    "3-clause bsd license": "BSD-3-Clause",
-    "bsd 3-clause": "BSD-3-Clause",
-    "mit license": "MIT",
-}
+WORDS = {"apache 2.0": "Apache-2.0", "3-clause bsd license": "BSD-3-Clause", "bsd 3-clause": "BSD-3-Clause", "mit license": "MIT"}
 """What packages write in the place of an expression."""
 KNOWN = {
     "openexr": "names none in its metadata; LICENSE.md in it is BSD-3-Clause",
@@ -173,11 +155,7 @@ def main() -> None:
             data = package.metadata
             told = (data.get("License-Expression"), data.get("License"), data.get_all("Classifier") or [])
             problem = problem_with(name, *told)
-            said = (
-                told[0]
-                or ", ".join(c.split(" :: ")[-1] for c in told[2] if c.startswith("License"))
-                or (told[1] or "")[:40]
-            )
+            said = told[0] or ", ".join(c.split(" :: ")[-1] for c in told[2] if c.startswith("License")) or (told[1] or "")[:40]
             print(f"  {name:32} {said.splitlines()[0] if said else '':48} {KNOWN.get(name, '')}{BROUGHT.get(name, '')}")
             if problem is not None:
                 found.append(problem)
