@@ -15,6 +15,7 @@ from ..formats.files import file_stamp, own_folder
 from ..formats.gaussians import gaussians_of
 from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
+from ..formats.splat_facts import facts_of
 from ..formats.timeline import Timeline
 from . import blocks, drive_scene, meshes, splat_clouds, versions, view
 from .images import plates, preview
@@ -259,7 +260,7 @@ def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
             found = gaussians_of(ply, drive.metre, chosen)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
-        before, cloud = cloud, splat_clouds.make(name, found)
+        before, cloud = cloud, splat_clouds.make(name, found, facts_of(drive.workspace, path.stem, ply, chosen))
         blocks.mark(cloud, mark, role)
         cloud["unveil_stamp"], cloud["unveil_gaussians"] = stamp, len(ply.vertices)
         if before is not None:

@@ -91,6 +91,48 @@ def test_all_gaussians_have_the_attributes_of_the_file(addon, scene, native, sur
     assert thing.visible_get() and not bpy.data.objects["Gaussians before"].visible_get()
 
 
+def test_it_equals_what_blenders_own_importer_makes_of_the_file(addon, scene, surfels: Path) -> None:
+    import bpy
+
+    if not addon.module("scene.versions").has_native_splats():
+        pytest.skip("this Blender has no Gaussians of its own")
+    for state in ("full", "empty"):
+        bpy.ops.unveil.load_workspace(directory=str(surfels))
+        ours = bpy.data.objects["Gaussians before" if state == "full" else "Gaussians after"].data
+        bpy.ops.wm.ply_import(filepath=str(surfels / f"surfels/{state}.ply"), forward_axis="Y", up_axis="Z")
+        theirs = bpy.context.view_layer.objects.active.data
+        assert ours.type == theirs.type and len(ours.points) == len(theirs.points) > 1000
+        part, width = {"FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT4": "vector"}, {"FLOAT_VECTOR": 3}
+        compared = [a.name for a in theirs.attributes if a.name in ours.attributes and a.name != "label"]
+        assert {"position", "scale", "rotation", "radiance:base"} <= set(compared)
+        for name in compared:
+            kind = theirs.attributes[name].data_type
+            assert ours.attributes[name].data_type == kind
+            one, other = (values(cloud, name, part[kind], width.get(kind, 4)) for cloud in (ours, theirs))
+            assert np.allclose(one, other, rtol=1e-5, atol=1e-7), (name, np.abs(one - other).max())
+        labels = [values(cloud, "label", "value", 1)[:, 0] for cloud in (theirs,)][0]
+        assert np.array_equal(whole(ours, "label"), labels.astype(int))
+
+
+def whole(cloud, name: str) -> np.ndarray:  # type: ignore[no-untyped-def]
+    found = np.empty(len(cloud.points), np.int32)
+    cloud.attributes[name].data.foreach_get("value", found)
+    return found
+
+
+def test_each_gaussian_tells_class_object_and_provenance(addon, scene, native, surfels: Path) -> None:
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(surfels))
+    before, after = (bpy.data.objects[f"Gaussians {state}"].data for state in ("before", "after"))
+    removed = np.load(surfels / "surfels/removed.npy") != 0
+    assert set(whole(before, "instance")[removed]) <= {0, 5} and (whole(before, "instance") == 5).sum() > 10
+    assert set(whole(after, "instance")) <= {0} | set(whole(before, "instance"))
+    added = len(np.load(surfels / "surfels/seed_origins.npy"))
+    assert set(whole(after, "provenance")[-added:]) <= {3, 4} and set(whole(after, "provenance")[:-added]) <= {1, 2}
+    assert len(set(whole(after, "label"))) > 2
+
+
 def test_loaded_again_it_is_the_same_object(addon, scene, native, surfels: Path) -> None:
     import bpy
 
