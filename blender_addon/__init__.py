@@ -29,6 +29,7 @@ MODULES = (
     "work.stage_states",
     "work.operators_import",
     "work.opening.operators_open_drive",
+    "work.opening.operators_footage",
     "work.operators_shot",
     "work.operators_workspace",
     "work.operators_run",

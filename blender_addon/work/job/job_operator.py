@@ -20,7 +20,7 @@ from ...worker.interpreter import Found
 from ...worker.job_state import JobState, duration
 from ...worker.jobs import Job, unveil_job
 from ...worker.session import session
-from ...worker.workspace_state import STAGES
+from ...worker.workspace_state import SOLVING, STAGES
 from ..preferences import known_interpreter, search
 from .following import follow
 from .redrawing import redraw
@@ -129,7 +129,7 @@ class JobOperator:
 
 def stage_line(state: JobState) -> str:
     """The bar counts one stage: which of how many that is, and its name."""
-    name = STAGES.get(state.stage, state.stage) or "starting"
+    name = {**SOLVING, **STAGES}.get(state.stage, state.stage) or "starting"
     return f"Stage {state.place[0]} of {state.place[1]}: {name}" if state.place else name
 
 
