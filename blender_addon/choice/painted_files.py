@@ -20,7 +20,10 @@ FORGOTTEN = "_forgotten"
 
 def is_painted(folder: Path, frame: str) -> bool:
     """Whether there is a copy that somebody has painted, and did not forget: it differs from what was painted over."""
-    return not (folder / (frame + FORGOTTEN)).exists() and _differs(folder, frame)
+    if (folder / (frame + FORGOTTEN)).exists():
+        return False
+    one, before = _content(folder, frame), _content(folder, frame + BEFORE)
+    return one is not None and before is not None and one != before
 
 
 def leave(folder: Path, frame: str) -> None:
@@ -29,18 +32,16 @@ def leave(folder: Path, frame: str) -> None:
 
 
 def put_aside(folder: Path, frame: str) -> None:
-    """Before a new copy is made: what was forgotten keeps a name of its own, and the mark goes."""
-    if _differs(folder, frame):
+    """Before a new copy is made: what may be somebody's keeps a name of its own, and the mark goes."""
+    one = _content(folder, frame)
+    if one is not None and one != _content(folder, frame + BEFORE):
         os.replace(folder / f"{frame}.png", folder / f"{frame}{FORGOTTEN}.png")
     with suppress(FileNotFoundError):
         (folder / (frame + FORGOTTEN)).unlink()
 
 
-def _differs(folder: Path, frame: str) -> bool:
-    found = []
-    for name in (frame, frame + BEFORE):
-        try:
-            found.append(read_bytes(folder / f"{name}.png", LARGEST_PICTURE))
-        except FileNotFoundError:
-            return name != frame and bool(found)  # painted, and nobody knows over what
-    return found[0] != found[1]
+def _content(folder: Path, name: str) -> bytes | None:
+    try:
+        return read_bytes(folder / f"{name}.png", LARGEST_PICTURE)
+    except FileNotFoundError:
+        return None

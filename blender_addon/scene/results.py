@@ -15,7 +15,7 @@ from ..formats.files import file_stamp, own_folder
 from ..formats.gaussians import gaussians_of
 from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
-from ..formats.splat_facts import facts_of
+from ..formats.splat_files.splat_facts import facts_of
 from ..formats.timeline import Timeline
 from . import blocks, drive_scene, meshes, splat_clouds, versions, view
 from .images import plates, preview

@@ -7,7 +7,7 @@ and the opacity from 0 to 1; ``radiance:sh_0`` and so on for the further coeffic
 thin.
 
 A cloud of a workspace equals what Blender's importer makes of the same file, to the last bits of single precision. Beside what that
-has, it carries whole numbers for Geometry Nodes: ``label``, ``instance`` and ``provenance``, see :mod:`..formats.splat_facts`.
+has, it carries whole numbers for Geometry Nodes: ``label``, ``instance`` and ``provenance``, see ``formats/splat_files/``.
 """
 
 from __future__ import annotations

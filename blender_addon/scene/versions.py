@@ -16,6 +16,8 @@ __all__ = [
     "MIX_NODE",
     "PATH",
     "compositor_of",
+    "content_length",
+    "empty_compositor",
     "fcurve_of",
     "four_floats",
     "has_native_splats",
@@ -25,6 +27,7 @@ __all__ = [
     "place_strip",
     "set_map_uv_filter",
     "show_in_sequencer",
+    "still_pictures",
     "strip_files",
     "strips_of",
 ]
@@ -78,6 +81,32 @@ def place_strip(strip: Any, start: int, length: int | None = None) -> None:
     if length is not None:
         setattr(strip, "duration" if is_new else "frame_final_duration", length)
     setattr(strip, "content_start" if is_new else "frame_start", start)
+
+
+def content_length(strip: Any) -> int:
+    """Pictures of a strip's file, whatever part of it is shown: renamed in 5.1."""
+    return int(strip.content_duration if "content_duration" in strip.bl_rna.properties else strip.frame_duration)
+
+
+def still_pictures(settings: Any) -> None:
+    """Let a scene's output be pictures, not a movie: since 5.0 that is said before the format."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+
+
+def empty_compositor(scene: Any) -> tuple[Any, Any]:
+    """A new compositor of a scene that has none: its node tree, and the socket that takes the result."""
+    if not hasattr(scene, "compositor_effects") and not hasattr(scene, "compositing_node_group"):
+        scene.use_nodes = True
+        scene.node_tree.nodes.clear()
+        return scene.node_tree, scene.node_tree.nodes.new("CompositorNodeComposite").inputs[0]
+    tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    if hasattr(scene, "compositor_effects"):
+        scene.compositor_effects.new("Compositing").node_group = tree
+    else:
+        scene.compositing_node_group = tree
+    return tree, tree.nodes.new("NodeGroupOutput").inputs[0]
 
 
 def strip_files(strip: Any) -> list[str]:

@@ -18,8 +18,10 @@ def test_a_copy_is_painted_where_it_differs(tmp_path: Path) -> None:
     assert not is_painted(tmp_path, "03")
     copies(tmp_path, b"green", b"as delivered")
     assert is_painted(tmp_path, "03")
-    (tmp_path / "03_before.png").unlink()
-    assert is_painted(tmp_path, "03")  # nobody knows over what
+    (tmp_path / "03_before.png").unlink()  # nobody knows over what it was painted: it is kept, but not taken for a fix
+    assert not is_painted(tmp_path, "03")
+    put_aside(tmp_path, "03")
+    assert (tmp_path / "03_forgotten.png").read_bytes() == b"green"
 
 
 def test_what_is_forgotten_is_kept_aside_and_not_taken_again(tmp_path: Path) -> None:

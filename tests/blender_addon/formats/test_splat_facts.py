@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.formats.ply_file import Ply
-from blender_addon.formats.splat_facts import FACTS, facts_of
+from blender_addon.formats.splat_files.splat_facts import FACTS, facts_of
 from unveil_core.inpaint import origin
 
 

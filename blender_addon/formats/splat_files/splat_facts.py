@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .open_safely import LARGEST_SCENE, read_bytes
-from .ply_file import Ply
+from ..open_safely import LARGEST_SCENE, read_bytes
+from ..ply_file import Ply
 
 __all__ = ["FACTS", "facts_of"]
 
