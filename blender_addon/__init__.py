@@ -42,7 +42,6 @@ MODULES = (
     "work.saved.handlers",
     "work.command_line",
     "ui.previews",
-    "ui.status_bar",
     "ui.panels",
     "ui.panel_drive",
     "ui.panel_selection",
