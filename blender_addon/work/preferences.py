@@ -120,7 +120,6 @@ class UnveilPreferences(bpy.types.AddonPreferences):
         if not opened:
             return
         column = layout.column()
-        column.prop(self, "segmenter")
         column.prop(self, "wheels")
         column.prop(self, "install_from")
         index = column.row()

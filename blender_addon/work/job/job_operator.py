@@ -29,7 +29,7 @@ from .task import Task
 __all__ = ["JobOperator", "UserError", "progress_lines", "stage_line"]
 
 
-NO_PYTHON = "No Python with unveil was found: open the add-on's preferences and press Create environment"
+NO_PYTHON = "No Python with unveil was found: open the add-on's preferences and press Install"
 
 
 class UserError(Exception):
