@@ -16,7 +16,7 @@ from requirements.lock import BLENDERS
 ROOT = Path(__file__).parents[2]
 LOCK_FILES = sorted((ROOT / "requirements").glob("*.txt"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-OF_NUMPY_1 = {"numpy-1.txt", *(f"bpy-{release}.txt" for release in BLENDERS)}
+OF_NUMPY_1 = {"numpy-1.txt", *(f"bpy-{release}.txt" for release, _, _, numpy in BLENDERS if numpy)}
 PINNED = pins((ROOT / "constraints.txt").read_text())
 
 
