@@ -45,7 +45,7 @@ extension: $(VENV)/.installed-test .venv-bpy-5.0/.installed
 	cp -R blender_addon build/extension
 	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir build/extension/core .
 	cd build/extension/core && ../../../$(BIN)/python -m pip hash --algorithm sha256 unveil_core-*.whl > unveil_core.hash
-	cp $(foreach lock,pip core torch cuda,requirements/$(lock).txt) build/extension/core
+	cp $(foreach lock,pip core torch cuda,requirements/$(lock).txt) requirements/solve.txt build/extension/core
 	$(BIN)/python $(BLENDER_EXT) validate build/extension
 	$(BIN)/python $(BLENDER_EXT) build --source-dir build/extension --output-dir dist/extension
 	$(BIN)/python $(BLENDER_EXT) validate dist/extension/unveil-*.zip

@@ -13,6 +13,7 @@ Pythons at once. A lock file holds the hashes of every file of a release, so it 
 | ``torch-cpu.txt`` | make, where pip is told of a place that has it: torch without CUDA |
 | ``torch.txt`` | make without that one, the add-on: torch as the usual index has it |
 | ``cuda.txt`` | make, the add-on: what torch's build with CUDA loads (Linux) |
+| ``solve.txt`` | the add-on: what reads clips and finds cameras |
 | ``dev.txt`` | make test: tests, linters, the optional parts |
 | ``audit.txt`` | make lint, into an environment of its own: what looks known holes up |
 | ``numpy-1.txt`` | make test: the oldest series of NumPy that is supported, and what OpenCV is with it |
@@ -103,6 +104,8 @@ def main(uv: str) -> None:
     write("torch", {"torch": run["torch"]})
     write("torch-cpu", {"torch": CPU_TORCH})
     write("cuda", {name: entry for name, entry in run.items() if CUDA.match(name)})
+    solve = compile_lock(uv, ["pyproject.toml"], *locked, "--extra=solve")
+    write("solve", {name: entry for name, entry in solve.items() if name not in run})
     write("dev", {name: entry for name, entry in everything.items() if name not in run or name == "triton"})
     # editables is asked for by hatchling only while it builds
     write("build", compile_lock(uv, ["hatchling", "editables"], *locked))
