@@ -17,6 +17,7 @@ MODULES = (
     "scene.view",
     "scene.operators_view",
     "scene.operators_detail",
+    "scene.edits.operators_splats",
     "choice.fixes",
     "choice.selection",
     "choice.operators_selection",

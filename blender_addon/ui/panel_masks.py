@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The section Masks of the sidebar: objects that the artist draws or paints."""
+"""The section Masks of the sidebar: objects that the artist draws or paints; and the button that keeps edited Gaussians."""
 
 from __future__ import annotations
 
@@ -34,4 +34,28 @@ class UNVEIL_PT_masks(Section, bpy.types.Panel):
             row.operator("unveil.use_mask").mask = mask.name
 
 
+def _keep(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """Where a point cloud's other operators are."""
+    thing = context.active_object
+    if thing is not None and thing.get("unveil_role") == "splats:empty":
+        self.layout.separator()
+        self.layout.operator("unveil.keep_splats", icon="FILE_TICK")
+
+
 CLASSES = (UNVEIL_PT_masks,)
+
+
+def register() -> None:
+    for menu in _menus():
+        menu.append(_keep)
+
+
+def unregister() -> None:
+    for menu in _menus():
+        menu.remove(_keep)
+
+
+def _menus() -> list[type]:
+    """Of the 3D view, in Object Mode and, where there is one, in Edit Mode of point clouds."""
+    names = ("VIEW3D_MT_object", "VIEW3D_MT_object_context_menu", "VIEW3D_MT_edit_pointcloud")
+    return [found for name in names if (found := getattr(bpy.types, name, None)) is not None]
