@@ -13,11 +13,12 @@ Pythons at once. A lock file holds the hashes of every file of a release, so it 
 | ``torch-cpu.txt`` | make, where pip is told of a place that has it: torch without CUDA |
 | ``torch.txt`` | make without that one, the add-on: torch as the usual index has it |
 | ``cuda.txt`` | make, the add-on: what torch's build with CUDA loads (Linux) |
+| ``solve.txt`` | the add-on: what reads clips and finds cameras |
 | ``dev.txt`` | make test: tests, linters, the optional parts |
 | ``audit.txt`` | make lint, into an environment of its own: what looks known holes up |
 | ``numpy-1.txt`` | make test: the oldest series of NumPy that is supported, and what OpenCV is with it |
 | ``bpy-5.0.txt`` | make test, into an environment of its own |
-| ``bpy-4.2.txt``, ``bpy-4.5.txt`` | make test-blender, each into an environment of its own |
+| ``bpy-4.2.txt``, ``bpy-4.5.txt``, ``bpy-5.1.txt`` to ``bpy-5.3.txt`` | make test-blender, each into an environment of its own |
 """
 
 from __future__ import annotations
@@ -34,10 +35,17 @@ ROOT = HERE.parent
 
 EXTRAS = ("dev", "docs", "gpu", "datasets", "farm", "exports", "plates", "solve")
 """Optional parts of pyproject.toml that ``make test`` installs, but for bpy."""
-BLENDERS = {release: [f"bpy=={bpy}", "pytest"] for release, bpy in (("4.2", "4.2.23"), ("4.5", "4.5.15"), ("5.0", "5.0.1"))}
-"""Per Blender what its tests need. Each bpy is for Python 3.11 alone, and has the NumPy of its Blender, of the series 1."""
 NUMPY_1 = "numpy==1.26.4"
-"""The NumPy of these, and the oldest that Unveil itself runs with."""
+"""The NumPy of Blender up to 5.0, and the oldest that Unveil itself runs with."""
+BLENDERS = (
+    ("4.2", "4.2.23", "3.11", NUMPY_1),
+    ("4.5", "4.5.15", "3.11", NUMPY_1),
+    ("5.0", "5.0.1", "3.11", NUMPY_1),
+    ("5.1", "5.1.2", "3.13", None),
+    ("5.2", "5.2.3", "3.13", None),
+    ("5.3", "5.3.0", "3.13", None),
+)
+"""Per Blender its bpy, the one Python that this is built for, and its NumPy; None: the usual one."""
 CUDA = re.compile(r"nvidia-|cuda-|triton$")
 """Names of what only torch's build with CUDA needs."""
 CPU_TORCH = "torch==2.13.0+cpu --hash=sha256:6746dbcbeb526eb61330b76b41ff1b4eb848951103a892eeb080dfa2b264667b\n"
@@ -96,14 +104,17 @@ def main(uv: str) -> None:
     write("torch", {"torch": run["torch"]})
     write("torch-cpu", {"torch": CPU_TORCH})
     write("cuda", {name: entry for name, entry in run.items() if CUDA.match(name)})
+    solve = compile_lock(uv, ["pyproject.toml"], *locked, "--extra=solve")
+    write("solve", {name: entry for name, entry in solve.items() if name not in run})
     write("dev", {name: entry for name, entry in everything.items() if name not in run or name == "triton"})
     # editables is asked for by hatchling only while it builds
     write("build", compile_lock(uv, ["hatchling", "editables"], *locked))
     write("pip", compile_lock(uv, ["pip"], *locked))
     write("audit", compile_lock(uv, ["pip-audit"], *locked))
     write("numpy-1", compile_lock(uv, [NUMPY_1], *locked, numpy=NUMPY_1))
-    for blender, wanted in BLENDERS.items():
-        write(f"bpy-{blender}", compile_lock(uv, wanted, "--python-version=3.11", "--generate-hashes", numpy=NUMPY_1))
+    for blender, bpy, python, numpy in BLENDERS:
+        options = (f"--python-version={python}", "--generate-hashes")
+        write(f"bpy-{blender}", compile_lock(uv, [f"bpy=={bpy}", "pytest"], *options, numpy=numpy))
     for system in SYSTEMS:
         for python in PYTHONS:
             compile_lock(

@@ -30,7 +30,7 @@ def download(folder: Path, torch_index: str, machine: list[str]) -> None:
         SystemExit: pip failed; it has said why.
     """
     command = [sys.executable, "-m", "pip", "download", "--only-binary", ":all:", "--dest", str(folder), *machine]
-    locks = [f"--requirement={HERE / name}.txt" for name in ("pip", "core")]
+    locks = [f"--requirement={HERE / name}.txt" for name in ("pip", "core", "solve")]
     if torch_index:
         locked = re.search(r"^torch==[^\s;]+", (HERE / "torch.txt").read_text(), re.MULTILINE)
         assert locked is not None

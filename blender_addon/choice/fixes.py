@@ -18,12 +18,11 @@ from ..formats.open_safely import LARGEST_PICTURE, read_bytes
 from ..formats.sequences import SIGNATURE
 from ..formats.timeline import Timeline, timeline_of
 from ..scene import blocks, cameras, view
+from .painted_files import BEFORE, is_painted, leave, put_aside
 
 __all__ = ["FILE", "UnveilFix", "begin", "can_begin", "file_of", "forget", "restore", "write"]
 
 FILE, FOLDER = "corrections.json", "corrections"
-BEFORE = "_before"
-"""Ends the name of the copy that was painted over."""
 
 
 class UnveilFix(bpy.types.PropertyGroup):
@@ -62,6 +61,9 @@ def begin(scene: bpy.types.Scene) -> UnveilFix:
         if (known.track, known.frame) == (track, frame.name) and known.image is not None:
             scene.unveil_selection.active_fix = i
             return known
+    folder = own_folder(drive.workspace, FOLDER, track)
+    if is_painted(folder, frame.name):  # an undo step, or a .blend that was not saved, has lost it from the list
+        return _listed(scene, drive, timeline, track, frame, invent=False)
     delivered = drive.workspace / "frames" / track / f"{frame.name}.png"
     try:
         content = read_bytes(delivered, LARGEST_PICTURE)
@@ -69,7 +71,7 @@ def begin(scene: bpy.types.Scene) -> UnveilFix:
         raise ValueError(f"{delivered}: is not there yet (run Unveil first)") from None
     if not content.startswith(SIGNATURE):
         raise ValueError(f"{delivered}: is no PNG (run the stage Deliver again)")
-    folder = own_folder(drive.workspace, FOLDER, track)
+    put_aside(folder, frame.name)
     for name in (frame.name, frame.name + BEFORE):
         write_whole(folder / f"{name}.png", content, like=delivered)
     return _listed(scene, drive, timeline, track, frame, invent=False)
@@ -84,7 +86,8 @@ def _listed(
     image = blocks.ensure_file(
         bpy.data.images, mark, f"fix:{track}:{frame.name}", str(path), f"Fix {track} {frame.name}"
     )
-    image.reload()
+    if not image.is_dirty:  # what is painted and not saved yet is in no file
+        image.reload()
     fixes = scene.unveil_selection.fixes
     fix = next((f for f in fixes if (f.track, f.frame) == (track, frame.name)), None) or fixes.add()
     order = [f.name for f in drive.tracks[track]].index(frame.name)
@@ -103,6 +106,8 @@ def forget(scene: bpy.types.Scene, index: int) -> None:
     """
     listed = scene.unveil_selection
     image, file = listed.fixes[index].image, Path(listed.workspace) / FILE
+    fix = listed.fixes[index]
+    leave(own_folder(Path(listed.workspace), FOLDER, file_name(fix.track)), file_name(fix.frame))
     listed.fixes.remove(index)
     listed.active_fix = min(listed.active_fix, max(len(listed.fixes) - 1, 0))
     blocks.remove(bpy.data.images, image)

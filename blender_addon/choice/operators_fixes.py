@@ -11,7 +11,7 @@ from bpy.props import IntProperty
 from ..formats.files import one_line
 from . import fixes
 
-__all__: list[str] = []
+__all__ = ["show_picture"]
 
 
 class UNVEIL_OT_paint_frame(bpy.types.Operator):
@@ -35,11 +35,11 @@ class UNVEIL_OT_paint_frame(bpy.types.Operator):
             self.report({"ERROR"}, one_line(error, Path(context.scene.unveil_selection.workspace)))
             return {"CANCELLED"}
         if not bpy.app.background and context.window_manager.windows:
-            _show(context, fix.image)
+            show_picture(context, fix.image)
         return {"FINISHED"}
 
 
-def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
+def show_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
     """In an Image Editor that is open, else in a window of its own."""
     areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
     if not areas:

@@ -15,6 +15,7 @@ from ..formats.files import file_stamp, own_folder
 from ..formats.gaussians import gaussians_of
 from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
+from ..formats.splat_files.splat_facts import facts_of
 from ..formats.timeline import Timeline
 from . import blocks, drive_scene, meshes, splat_clouds, versions, view
 from .images import plates, preview
@@ -140,7 +141,7 @@ def _strips(
         files = sequences.numbered(held, drive.workspace, "blender", f"{kind}{end}", track).files
         strip = blocks.find(strips, mark, role)
         if strip is not None and versions.strip_files(strip) == [str(f) for f in files]:
-            strip.frame_start = timeline.first(track)
+            versions.place_strip(strip, timeline.first(track))
             continue
         channel = _free_channel(strips) if strip is None else strip.channel
         if strip is not None:
@@ -150,7 +151,7 @@ def _strips(
         )
         for file in files[1:]:
             strip.elements.append(file.name)
-        strip.frame_final_duration = len(files)
+        versions.place_strip(strip, timeline.first(track), len(files))
         strip.directory = blocks.as_preferred(str(files[0].parent))
         blocks.mark(strip, mark, role)
 
@@ -259,7 +260,7 @@ def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
             found = gaussians_of(ply, drive.metre, chosen)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
-        before, cloud = cloud, splat_clouds.make(name, found)
+        before, cloud = cloud, splat_clouds.make(name, found, facts_of(drive.workspace, path.stem, ply, chosen))
         blocks.mark(cloud, mark, role)
         cloud["unveil_stamp"], cloud["unveil_gaussians"] = stamp, len(ply.vertices)
         if before is not None:

@@ -12,7 +12,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from ..formats.table.run_settings import SHOWN, RunSetting
 from . import blocks, versions
 
-__all__ = ["CAMERAS", "SET_UP_SCENE", "START_FRAME", "UnveilSettings"]
+__all__ = ["CAMERAS", "SET_UP_SCENE", "START_FRAME", "UnveilSettings", "property_of"]
 
 
 SET_UP_SCENE: dict[str, Any] = {
@@ -44,7 +44,7 @@ def _inpainters(self: UnveilSettings, context: bpy.types.Context, text: str) -> 
     return [name for name in ("exemplar", "telea", "navier-stokes", "shift-map", "fsr") if text in name]
 
 
-def _property(setting: RunSetting) -> Any:
+def property_of(setting: RunSetting) -> Any:
     """A property for a setting of the table."""
     usual = f". Empty: {setting.usual or setting.default}" if isinstance(setting.start, str) else ""
     told: dict[str, Any] = {"name": setting.label, "default": setting.start, "description": setting.help}
@@ -113,7 +113,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
     )
 
 
-UnveilSettings.__annotations__.update({setting.name: _property(setting) for setting in SHOWN})
+UnveilSettings.__annotations__.update({setting.name: property_of(setting) for setting in SHOWN})
 
 CLASSES = (UnveilSettings,)
 

@@ -6,13 +6,13 @@ their logarithms; ``rotation``, a quaternion w, x, y, z; ``radiance:base``, four
 and the opacity from 0 to 1; ``radiance:sh_0`` and so on for the further coefficients, a vector each. A surfel's third extent is
 thin.
 
-What was not checked: no Blender 5.3 was at hand. The names come from its sources and from add-ons that use them. In Blender 5.0 the
-attributes were compared with the file, with four floats as a colour and without the type. How it is drawn, whether a colour
-management of Blender's changes its colours, and how thin an extent may be, nobody has seen.
+A cloud of a workspace equals what Blender's importer makes of the same file, to the last bits of single precision. Beside what that
+has, it carries whole numbers for Geometry Nodes: ``label``, ``instance`` and ``provenance``, see ``formats/splat_files/``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,13 @@ MOST_NATIVE = 4_000_000
 third degree: 0.2 to 0.9 GB for so many."""
 
 
-def make(name: str, gaussians: Gaussians) -> Any:
-    """A new point cloud that holds Gaussians; one whose number changes is made anew."""
+def make(name: str, gaussians: Gaussians, facts: Mapping[str, np.ndarray] | None = None) -> Any:
+    """A new point cloud that holds Gaussians; one whose number changes is made anew.
+
+    Args:
+        name: of the cloud; gaussians: N of them.
+        facts: whole numbers (N,) by the name of their attribute.
+    """
     cloud = versions.new_splat_cloud(name, len(gaussians))
     attributes = cloud.attributes
     kind, key = versions.four_floats()
@@ -41,11 +46,13 @@ def make(name: str, gaussians: Gaussians) -> Any:
             (f"radiance:sh_{number}", "FLOAT_VECTOR", "vector", values)
             for number, values in enumerate(gaussians.harmonics)
         ),
+        *((fact, "INT", "value", values) for fact, values in (facts or {}).items()),
     ]
     for attribute, data_type, _, _ in wanted:  # all first: a new one may move those that are there
         if attribute not in attributes:
             attributes.new(attribute, data_type, "POINT")
-    for attribute, _, part, values in wanted:
-        attributes[attribute].data.foreach_set(part, np.ascontiguousarray(values, np.float32).ravel())
+    for attribute, data_type, part, values in wanted:
+        numbers = np.int32 if data_type == "INT" else np.float32
+        attributes[attribute].data.foreach_set(part, np.ascontiguousarray(values, numbers).ravel())
     cloud.update_tag()
     return cloud

@@ -15,7 +15,10 @@ __all__ = [
     "MATH_NODE",
     "MIX_NODE",
     "PATH",
+    "place_strip",
     "compositor_of",
+    "content_length",
+    "empty_compositor",
     "fcurve_of",
     "four_floats",
     "has_native_splats",
@@ -24,6 +27,7 @@ __all__ = [
     "new_splat_cloud",
     "set_map_uv_filter",
     "show_in_sequencer",
+    "still_pictures",
     "strip_files",
     "strips_of",
 ]
@@ -69,6 +73,40 @@ def show_in_sequencer(context: Any, scene: Any) -> None:
     workspace = getattr(context, "workspace", None)
     if workspace is not None and getattr(workspace, "sequencer_scene", scene) is None:
         workspace.sequencer_scene = scene
+
+
+def place_strip(strip: Any, start: int, length: int | None = None) -> None:
+    """Let an image strip begin at a frame and, where a length is given, last so many: renamed in 5.1, the old names go in 6.0."""
+    is_new = "content_start" in strip.bl_rna.properties
+    if length is not None:
+        setattr(strip, "duration" if is_new else "frame_final_duration", length)
+    setattr(strip, "content_start" if is_new else "frame_start", start)
+
+
+def content_length(strip: Any) -> int:
+    """Pictures of a strip's file, whatever part of it is shown: renamed in 5.1."""
+    return int(strip.content_duration if "content_duration" in strip.bl_rna.properties else strip.frame_duration)
+
+
+def still_pictures(settings: Any) -> None:
+    """Let a scene's output be pictures, not a movie: since 5.0 that is said before the format."""
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+
+
+def empty_compositor(scene: Any) -> tuple[Any, Any]:
+    """A new compositor of a scene that has none: its node tree, and the socket that takes the result."""
+    if not hasattr(scene, "compositor_effects") and not hasattr(scene, "compositing_node_group"):
+        scene.use_nodes = True
+        scene.node_tree.nodes.clear()
+        return scene.node_tree, scene.node_tree.nodes.new("CompositorNodeComposite").inputs[0]
+    tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    if hasattr(scene, "compositor_effects"):
+        scene.compositor_effects.new("Compositing").node_group = tree
+    else:
+        scene.compositing_node_group = tree
+    return tree, tree.nodes.new("NodeGroupOutput").inputs[0]
 
 
 def strip_files(strip: Any) -> list[str]:
@@ -136,21 +174,33 @@ def set_map_uv_filter(node: Any, smooth: bool) -> None:
         node.inputs["Interpolation"].default_value = "Bilinear" if smooth else "Nearest"
 
 
+def _plain_compositor(scene: Any) -> Any:
+    """A new tree that gives what was rendered."""
+    tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    rendered, result = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("NodeGroupOutput")
+    rendered.scene = scene
+    result.location.x = 400
+    tree.links.new(rendered.outputs["Image"], result.inputs["Image"])
+    return tree
+
+
 def compositor_of(scene: Any) -> Any:
     """The compositor's node tree of a scene; where there is none, one that gives what was rendered.
 
-    Up to 4.5 a tree may be there and be switched off: so it stays.
+    Up to 4.5 a tree may be there and be switched off: so it stays. Since 5.3 a scene has a list of effects, each with a tree: it is
+    that of the active one.
     """
+    effects = getattr(scene, "compositor_effects", None)
+    if effects is not None:
+        effect = effects.active or (effects[0] if len(effects) else effects.new("Compositing"))
+        if effect.node_group is None:
+            effect.node_group = _plain_compositor(scene)
+        return effect.node_group
     if not hasattr(scene, "compositing_node_group"):
         if scene.node_tree is None:
             scene.use_nodes = True  # Blender makes the tree
         return scene.node_tree
     if scene.compositing_node_group is None:
-        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-        rendered, result = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("NodeGroupOutput")
-        rendered.scene = scene
-        result.location.x = 400
-        tree.links.new(rendered.outputs["Image"], result.inputs["Image"])
-        scene.compositing_node_group = tree
+        scene.compositing_node_group = _plain_compositor(scene)
     return scene.compositing_node_group

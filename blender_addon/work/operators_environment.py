@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +13,14 @@ import bpy
 
 from ..scene import versions
 from ..worker import base_python, environment
+from ..worker.awaited_job import Start
 from ..worker.interpreter import Candidate, Found, check, lies_beside_files
 from ..worker.job_state import JobState
 from ..worker.jobs import Job
 from .job.job_operator import JobOperator, UserError
 from .job.redrawing import redraw
 from .job.task import Task
+from .job.telling import tell
 from .preferences import (
     OFFLINE,
     environment_folder,
@@ -25,6 +28,7 @@ from .preferences import (
     may_install,
     preferences,
     remember,
+    search,
     unveil_interpreter,
     work_folder,
 )
@@ -36,16 +40,19 @@ LOOK_S = 0.1
 
 
 class Thorough(threading.Thread):
-    """Has a Python examined; what was found is there when it has ended."""
+    """Has the Python looked for and examined; what was found is there when it has ended."""
 
-    def __init__(self, quick: Found, work: Path) -> None:
+    def __init__(self, look: Callable[[], Found | None], work: Path) -> None:
         super().__init__(name="unveil-check", daemon=True)
-        self.quick, self.work = quick, work
+        self.look, self.work = look, work
         self.found: Found | None = None
         self.start()
 
     def run(self) -> None:
-        self.found = check(Candidate(self.quick.python, self.quick.source), work=self.work)
+        quick = self.look()
+        if quick is not None and quick.ok:
+            quick = check(Candidate(quick.python, quick.source), work=self.work)
+        self.found = quick
 
 
 class UNVEIL_OT_check_python(bpy.types.Operator):
@@ -65,33 +72,35 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
         return self._tell(context, unveil_interpreter(context, full=True))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Where the Python is takes no time; what it can do takes half a minute the first time, and Blender stays usable."""
-        forget()
-        found = unveil_interpreter(context)
-        if found is None or not found.ok:
-            return self._tell(context, found)
+        """What it can do takes half a minute the first time, and one that hangs longer: Blender stays usable."""
         if not versions.has_window():
             return self.execute(context)
-        UNVEIL_OT_check_python._looking = Thorough(found, work_folder(context))
-        bpy.app.timers.register(_examined, first_interval=LOOK_S)
+        forget()
+        UNVEIL_OT_check_python._looking = Thorough(search(context), work_folder(context))
+        bpy.app.timers.register(_examined, first_interval=LOOK_S, persistent=True)  # also where a file is opened
         redraw(context)
         return {"FINISHED"}
 
     def _tell(self, context: bpy.types.Context, found: Found | None) -> set[str]:
         redraw(context)
-        if found is None:
-            chosen = preferences(context)
-            named = chosen.python if chosen else ""
-            problem = f"{named}: there is no such Python" if named else "No Python was found: press Create environment"
-            if lies_beside_files(named):
-                problem = f"{named}: leads to another place with each file: name the whole path of a Python"
+        problem = _problem(context, found)
+        if problem:
             self.report({"ERROR"}, problem)
             return {"CANCELLED"}
-        if not found.ok:
-            self.report({"ERROR"}, found.problem)
-            return {"CANCELLED"}
+        assert found is not None
         self.report({"INFO"}, "  ".join(found.lines()))
         return {"FINISHED"}
+
+
+def _problem(context: bpy.types.Context, found: Found | None) -> str:
+    """What is wrong with what was found, in one line; empty for nothing."""
+    if found is not None:
+        return found.problem
+    chosen = preferences(context)
+    named = chosen.python if chosen else ""
+    if lies_beside_files(named):
+        return f"{named}: leads to another place with each file: name the whole path of a Python"
+    return f"{named}: there is no such Python" if named else "No Python was found: press Install"
 
 
 def _examined() -> float | None:
@@ -100,8 +109,11 @@ def _examined() -> float | None:
     if looking is not None and looking.is_alive():
         return LOOK_S
     UNVEIL_OT_check_python._looking = None
-    if looking is not None and looking.found is not None:
-        remember(bpy.context, looking.found)
+    if looking is not None:
+        if looking.found is not None:
+            remember(bpy.context, looking.found)
+        if problem := _problem(bpy.context, looking.found):
+            tell(problem, "ERROR")
     redraw(bpy.context)
     return None
 
@@ -119,7 +131,7 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
             return False
         return super().poll(context)
 
-    def start(self, context: bpy.types.Context) -> Job:
+    def prepare(self, context: bpy.types.Context) -> Callable[[], Start]:
         folder = environment_folder(create=True)
         if folder is None:
             raise UserError(
@@ -132,16 +144,24 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
         except LookupError as error:
             raise UserError(str(error)) from error
         minors = (environment.minors_of(wheels) if wheels else ()) or base_python.MINORS
-        base = base_python.base_python(sys.executable, minors=minors)
-        if base is None:
-            wanted_versions = " or ".join(f"3.{minor}" for minor in sorted(minors))
-            raise UserError(f"No Python {wanted_versions} that can make an environment was found: install one first")
-        command = [base, "-I", "-u", str(Path(environment.__file__)), str(folder), wanted]
+        index, blenders = str(chosen.torch_index), bpy.utils.resource_path("LOCAL")
         locked = environment.locks()
-        command += ["--locks", str(locked)] if locked is not None else []
-        command += ["--wheels", str(wheels)] if wheels is not None else []
-        command += ["--copy-base"] if base_python.lies_in(base, bpy.utils.resource_path("LOCAL")) else []
-        return Job([*command, "--torch-index", chosen.torch_index])
+
+        def found() -> Start:
+            base = base_python.base_python(sys.executable, minors=minors)
+            if base is None:
+                wanted_versions = " or ".join(f"3.{minor}" for minor in sorted(minors))
+                raise LookupError(
+                    f"No Python {wanted_versions} that can make an environment was found: install one first"
+                )
+            command = [base, "-I", "-u", str(Path(environment.__file__)), str(folder), wanted]
+            command += ["--locks", str(locked)] if locked is not None else []
+            command += ["--wheels", str(wheels)] if wheels is not None else []
+            command += ["--copy-base"] if base_python.lies_in(base, blenders) else []
+            command += ["--torch-index", index]
+            return lambda state: Job(command, state=state)
+
+        return found
 
     def task(self, context: bpy.types.Context) -> Task:
         return replace(super().task(context), ended=_environment_made)
@@ -157,7 +177,10 @@ def _environment_made(context: bpy.types.Context, state: JobState) -> None:
     chosen = preferences(context)
     if chosen is not None:
         chosen.python = ""  # one that is named there would hide the new one
-    unveil_interpreter(context)
+    if versions.has_window():
+        threading.Thread(target=search(context), name="unveil-search", daemon=True).start()
+    else:
+        unveil_interpreter(context)
 
 
 CLASSES = (UNVEIL_OT_check_python, UNVEIL_OT_create_environment)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Import a drive, or the workspace of one, by menu, sidebar or script."""
+"""Import a drive into its workspace, by sidebar or script; menus and dropped files ask first, see ``opening/``."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
+from bpy.props import BoolProperty, StringProperty
 
 from ..choice import selection
 from ..formats.object_files import recorded_drive
 from ..scene import blocks, versions
-from ..scene.settings import CAMERAS, SET_UP_SCENE, START_FRAME
 from ..worker.run_arguments import default_workspace, other_drive, selection_arguments, settings_arguments
 from .job.job_operator import JobOperator, UserError
 from .job.task import Task
@@ -40,6 +38,12 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
     replace: BoolProperty(
         name="Replace results of another drive",
         description="Where the workspace has results of another drive, have them replaced by this one's",
+        default=False,
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+    yes: BoolProperty(
+        name="Import all the same",
+        description="Go on where a check of the drive would ask",
         default=False,
         options={"SKIP_SAVE", "HIDDEN"},
     )
@@ -91,93 +95,10 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
             *settings_arguments(settings, bpy.path.abspath),
             *selection_arguments(selection.arguments(context.scene)),
         ]
-        return ["import", str(drive), "-o", str(place), *options, *["--replace"] * self.replace]
+        return ["import", str(drive), "-o", str(place), *options, *["--replace"] * self.replace, *["--yes"] * self.yes]
 
     def task(self, context: bpy.types.Context) -> Task:
-        return replace(super().task(context), load=load)
+        return replace(super().task(context), load=load, names=True)
 
 
-class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
-    """Import a street drive: a transforms.json, or the folder of any drive that unveil knows"""
-
-    bl_idname = "unveil.open_drive"
-    bl_label = "Import street drive"
-
-    filename_ext = ""
-    filter_glob: StringProperty(default="*.json;*.bin;*.txt", options={"HIDDEN"})
-    workspace: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
-    )
-    set_up_scene: BoolProperty(**SET_UP_SCENE)
-    start_frame: IntProperty(**START_FRAME)
-    every_nth: IntProperty(
-        name="Every Nth frame", default=1, min=1, soft_max=20, description="1: all frames of the drive"
-    )
-    cameras: StringProperty(**CAMERAS)
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(bpy.ops.unveil.import_drive.poll())
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        settings = context.scene.unveil
-        self.set_up_scene, self.start_frame = settings.set_up_scene, settings.start_frame
-        if self.properties.is_property_set("filepath"):  # dropped onto the window
-            manager = context.window_manager
-            return manager.invoke_props_dialog(self, width=420, title=self.bl_label, confirm_text="Import")
-        return super().invoke(context, event)
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
-        for name in ("set_up_scene", "start_frame", "every_nth", "cameras", "workspace"):
-            layout.prop(self, name)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings, given = context.scene.unveil, self.properties.is_property_set
-        for name in ("set_up_scene", "start_frame", "cameras"):
-            if given(name):
-                setattr(settings, name, getattr(self, name))
-        if given("every_nth"):
-            settings.frames = "" if self.every_nth == 1 else f"::{self.every_nth}"
-        path = _drive_of(blocks.absolute(self.filepath))
-        begun = bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(path), workspace=self.workspace)
-        return {"CANCELLED"} if "CANCELLED" in begun else {"FINISHED"}  # it may be asking something
-
-
-class UNVEIL_FH_drive(bpy.types.FileHandler):
-    """A drive's file dropped onto a 3D view"""
-
-    bl_idname = "UNVEIL_FH_drive"
-    bl_label = "Street drive (Unveil)"
-    bl_import_operator = "unveil.open_drive"
-    bl_file_extensions = ".json;.bin"
-
-    @classmethod
-    def poll_drop(cls, context: bpy.types.Context) -> bool:
-        return context.area is not None and context.area.type == "VIEW_3D"
-
-
-def _drive_of(path: Path) -> Path:
-    """What to import for what was picked: a transforms file itself, else the folder it lies in."""
-    if not path.is_file() or (path.suffix.lower() == ".json" and path.name != "cameras.json"):
-        return path
-    folder = path.parent  # of a COLMAP model, or of a workspace's drive
-    if folder.parent.name == "sparse":
-        folder = folder.parent
-    return folder.parent if folder.name == "sparse" else folder
-
-
-def _menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    self.layout.operator(UNVEIL_OT_open_drive.bl_idname, text="Street drive (Unveil)")
-
-
-CLASSES = (UNVEIL_OT_import_drive, UNVEIL_OT_open_drive, UNVEIL_FH_drive)
-
-
-def register() -> None:
-    bpy.types.TOPBAR_MT_file_import.append(_menu)
-
-
-def unregister() -> None:
-    bpy.types.TOPBAR_MT_file_import.remove(_menu)
+CLASSES = (UNVEIL_OT_import_drive,)

@@ -22,7 +22,7 @@ from .job.job_operator import JobOperator, UserError
 from .job.task import Task
 from .operators_run import workspace_of
 
-__all__: list[str] = []
+__all__ = ["list_outlined"]
 
 INSIDE, OUTSIDE, DOT_PX = (0.2, 0.9, 0.35, 1.0), (1.0, 0.25, 0.15, 1.0), 9.0
 HELP = "Click on the object, Ctrl-click beside it · Enter outlines it in all frames · Backspace takes one back · Esc"
@@ -108,7 +108,7 @@ class UNVEIL_OT_outline_object(JobOperator, bpy.types.Operator):
         return ["mask", str(root), "--stroke", str(folder / "asked.json"), "-o", str(folder)]
 
     def task(self, context: bpy.types.Context) -> Task:
-        return replace(super().task(context), load=_listed)
+        return replace(super().task(context), load=list_outlined)
 
 
 def _text(shares: object) -> str:
@@ -123,7 +123,7 @@ def _places(text: str) -> list[tuple[float, float]]:
         raise UserError(f"Places {text!r}: give X,Y; X,Y") from error
 
 
-def _listed(context: bpy.types.Context, workspace: str) -> None:
+def list_outlined(context: bpy.types.Context, workspace: str) -> None:
     """Put the objects that were outlined into the list, those that are there already with their mattes as they are now."""
     scene, root = context.scene, workspace_of(context.scene)
     assert root is not None

@@ -14,6 +14,7 @@ from ..scene import blocks
 from ..scene.settings import SET_UP_SCENE
 from ..scene.shot.camera import ShotError
 from ..scene.shot.take import shot_of
+from .job.calling import called
 
 __all__: list[str] = []
 
@@ -68,8 +69,8 @@ class UNVEIL_OT_use_shot(bpy.types.Operator):
             settings.drive = str(drive)
             self.report({"INFO"}, f"{drive}: {len(taken.shot.frames)} frames")
             return {"FINISHED"}
-        begun = bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(drive), workspace=self.workspace)
-        return {"CANCELLED"} if "CANCELLED" in begun else {"FINISHED"}  # it may be asking something
+        words = {"filepath": str(drive), "workspace": self.workspace}
+        return called(self, bpy.ops.unveil.import_drive, "INVOKE_DEFAULT", **words)
 
 
 def _default_folder(scene: bpy.types.Scene) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,11 @@ __all__ = [
     "UnveilPreferences",
     "environment_folder",
     "known",
+    "known_interpreter",
     "may_install",
     "preferences",
     "remember",
+    "search",
     "unveil_interpreter",
     "work_folder",
 ]
@@ -78,6 +81,12 @@ class UnveilPreferences(bpy.types.AddonPreferences):
         default=PYTORCH_CPU,
         description="Package index that torch comes from; empty: the usual one, whose torch for Linux has CUDA. "
         "Without meaning where a Folder of wheels is named",
+    )
+    segmenter: StringProperty(
+        name="Segmenter",
+        subtype="FILE_PATH",
+        update=_whole_path("segmenter"),
+        description="The usual network that labels frames: the import dialog proposes it; FILE.toml beside it tells how",
     )
 
     show_installation: BoolProperty(name="Advanced installation", options={"SKIP_SAVE"})
@@ -183,16 +192,33 @@ def unveil_interpreter(context: bpy.types.Context, *, full: bool = False) -> Fou
     Returns:
         what was found, also if it does not do (``ok`` and ``problem`` tell); None where there is nothing to look at.
     """
-    chosen = preferences(context)
-    key = chosen.python if chosen else ""
-    found = _known.get(key)
-    if found is None or not found.ok or not found.python.exists() or lost_base(found.python.parent.parent):
-        found = find(_candidates(context))
+    found = known_interpreter(context) or find(_candidates(context))
     if full and found is not None and found.ok:
         found = check(Candidate(found.python, found.source), work=work_folder(context))
     if found is not None:
-        _known[key] = found
+        remember(context, found)
     return found
+
+
+def known_interpreter(context: bpy.types.Context) -> Found | None:
+    """The Python that has unveil, where it was found before and is still there; None where it has to be looked for."""
+    found = known(preferences(context))
+    is_there = found is not None and found.ok and found.python.exists()
+    return found if is_there and not lost_base(found.python.parent.parent) else None
+
+
+def search(context: bpy.types.Context) -> Callable[[], Found | None]:
+    """What looks for it as :func:`unveil_interpreter` does, and may be called in any thread: it asks Blender for nothing."""
+    chosen = preferences(context)
+    key, places = chosen.python if chosen else "", _candidates(context)
+
+    def look() -> Found | None:
+        found = find(places)
+        if found is not None:
+            _known[key] = found
+        return found
+
+    return look
 
 
 CLASSES = (UnveilPreferences,)

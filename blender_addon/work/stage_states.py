@@ -35,7 +35,7 @@ def stage_states(scene: bpy.types.Scene) -> WorkspaceState | None:
     windows = versions.has_window()
     found = _watch.latest(root, wanted, wait=not windows)
     if windows and _watch.pending and not bpy.app.timers.is_registered(_arrived):
-        bpy.app.timers.register(_arrived, first_interval=LOOK_S)
+        bpy.app.timers.register(_arrived, first_interval=LOOK_S, persistent=True)
     return found
 
 

@@ -48,6 +48,8 @@ READY = "unveil-is-installed"
 """File in an environment that was finished."""
 LOCKS = ("pip.txt", "core.txt", "torch.txt", "cuda.txt")
 """Lock files: pip itself; what unveil needs, but torch; torch; what torch's build with CUDA loads. See ``requirements/lock.py``."""
+FOOTAGE = "solve.txt"
+"""Lock file of what reads clips and finds cameras. Where that cannot be had, everything but *Import Footage* works."""
 HASH = "unveil_core.hash"
 """File that ``pip hash`` wrote of the wheel when the extension was built."""
 
@@ -330,6 +332,11 @@ def _install(folder: Path, wanted: str, locked: Path | None, torch_index: str, w
         _run(3, 6, [*pip_install, *STRICT, "-r", str(locked / "torch.txt")], "installing torch")
         if subprocess.run([python, "-I", "-c", WITH_CUDA], capture_output=True, check=False).returncode == 0:
             _run(3, 6, [*pip_install, *STRICT, "-r", str(locked / "cuda.txt")], "installing CUDA's libraries")
+    if locked is not None and (locked / FOOTAGE).is_file():
+        try:
+            _run(4, 6, [*pip_install, *STRICT, "-r", str(locked / FOOTAGE)], "installing what reads footage")
+        except (RuntimeError, LookupError) as error:
+            print(f"without footage: {error}", flush=True)
     _run(4, 6, [*pip_install, *_unveil(wanted, locked, folder / "temporary")], "installing unveil")
 
 

@@ -55,6 +55,7 @@ class JobState:
     exit_code: of the process; None while it runs.
     log: the latest lines, as they came.
     run_left: seconds that were left of the run when it last said so, after the time of that.
+    answer: the latest JSON object that was no event: what a command was asked for.
     """
 
     status: str = "running"
@@ -71,6 +72,7 @@ class JobState:
     stage_started: float = field(default_factory=time.monotonic)
     first_done: int = 0
     run_left: tuple[float, float] | None = None
+    answer: dict[str, object] = field(default_factory=dict)
 
     @property
     def running(self) -> bool:
@@ -113,6 +115,8 @@ class JobState:
                 if "exit_code" not in event:  # how the command ended: it says so on standard error, too
                     self._take(event)
                 return
+            if isinstance(event, dict):
+                self.answer = event
         if line.strip():
             self.note(line)
         for mark in ("unveil: error: ", "unveil: failed: "):

@@ -70,17 +70,18 @@ class Job:
         started: clock of ``time.monotonic``.
     """
 
-    def __init__(self, command: Sequence[str], *, cwd: str | Path | None = None) -> None:
+    def __init__(self, command: Sequence[str], *, cwd: str | Path | None = None, state: JobState | None = None) -> None:
         """Start it.
 
         Args:
             command: program and arguments.
             cwd: where; by default a folder of its own, so paths have to be absolute.
+            state: to go on with, of what was looked for before; a new one by default.
         Raises:
             OSError: it cannot be started.
         """
         self.command = [str(part) for part in command]
-        self.state = JobState()
+        self.state = state or JobState()
         self.state.note("$ " + " ".join(self.command))
         self.started = time.monotonic()
         self._cancelled: float | None = None
@@ -103,7 +104,10 @@ class Job:
         )
         if not WINDOWS:  # before it has threads and children, which are as it is
             with suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, self.pid, BEHIND_BLENDER)
+                behind = (
+                    os.getpriority(os.PRIO_PROCESS, 0) + BEHIND_BLENDER
+                )  # of Blender's own, which may be behind others
+                os.setpriority(os.PRIO_PROCESS, self.pid, behind)
         self._readers = [
             threading.Thread(target=self._read, args=(stream,), name="unveil-job", daemon=True)
             for stream in (self._process.stdout, self._process.stderr)
@@ -218,16 +222,17 @@ def unveil_command(python: str | Path, arguments: Sequence[str]) -> list[str]:
     return [str(python), "-P", "-u", "-m", "unveil_core", *arguments, "--end-with-stdin"]
 
 
-def unveil_job(python: str | Path, arguments: Sequence[str]) -> Job:
+def unveil_job(python: str | Path, arguments: Sequence[str], state: JobState | None = None) -> Job:
     """A job of the ``unveil`` command, which ends with this process, however this ends.
 
     Args:
         python: an interpreter that has unveil_core.
         arguments: verb and options, with absolute paths.
+        state: to go on with; a new one by default.
     Raises:
         OSError: the interpreter cannot be started.
     """
-    job = Job(unveil_command(python, [*arguments, "--json"]))
+    job = Job(unveil_command(python, [*arguments, "--json"]), state=state)
     planned = stages_of(arguments[0])
     if "--until" in arguments:
         planned = planned[: planned.index(arguments[arguments.index("--until") + 1]) + 1]

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from . import jobs
+from .awaited_job import AwaitedJob
 from .job_state import JobState, duration
 
 __all__ = ["Session", "interrupts", "session"]
@@ -42,14 +43,16 @@ class Session:
     ticks: of the latest job.
     took_s: seconds that the latest job took, once it has ended.
     waiting: what its results wait for before they can be loaded; empty for nothing.
+    file: counts the files that were opened: a job belongs to the one that it was started in.
     """
 
-    job: jobs.Job | None = None
+    job: jobs.Job | AwaitedJob | None = None
     title: str = ""
     last: JobState | None = None
     ticks: Ticks = field(default_factory=Ticks)
     waiting: str = ""
     took_s: float = 0.0
+    file: int = 0
 
     @property
     def busy(self) -> bool:
@@ -61,7 +64,7 @@ class Session:
         """How long the job has run, seconds; 0 where none does."""
         return 0.0 if self.job is None else time.monotonic() - self.job.started
 
-    def begin(self, title: str, start: Callable[[], jobs.Job]) -> JobState:
+    def begin(self, title: str, start: Callable[[], jobs.Job | AwaitedJob]) -> JobState:
         """Start a job; only one runs at a time.
 
         Raises:
@@ -111,6 +114,7 @@ class Session:
         """End whatever runs, and wait for it: two seconds at most."""
         jobs.end_all()
         if self.job is not None:
+            self.job.end()  # it may be looking for its program still
             self.conclude()
 
 

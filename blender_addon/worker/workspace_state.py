@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ..formats.open_safely import LARGEST_SCENE, LARGEST_STATE, open_file, read_bytes
 
-__all__ = ["STAGES", "StageState", "WorkspaceState", "read", "stages_of"]
+__all__ = ["SOLVING", "STAGES", "StageState", "WorkspaceState", "read", "stages_of"]
 
 STAGES = {
     "import": "Import",
@@ -37,12 +37,26 @@ STAGES = {
 """Names for people by verb, in the order of their dependence."""
 
 
+SOLVING = {
+    "decode": "Decode",
+    "look": "Look at Frames",
+    "features": "Find Features",
+    "match": "Match Frames",
+    "map": "Find Cameras",
+    "rest": "Place the Rest",
+    "points": "Points",
+}
+"""Names for people of the steps of ``unveil solve``, likewise."""
+
+
 def stages_of(verb: str) -> tuple[str, ...]:
-    """The stages that a verb of ``unveil`` goes through, in order; none if it is no verb that works on a workspace."""
+    """The stages that a verb of ``unveil`` goes through, in order; none of a verb that tells of none."""
     if verb == "run":
         return tuple(STAGES)
     if verb == "import":
         return ("import", "objects")
+    if verb == "solve":
+        return tuple(SOLVING)
     return (verb,) if verb in STAGES else ()
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import torch
 
 from tests.exact_scene import build_exact_workspace, true_planes
 from tests.small_street import BUILDING, CAR, FRAMES, ROAD, SKY, picture
@@ -20,6 +21,7 @@ from unveil_core.evaluate import psnr
 from unveil_core.ground.files import write_ground
 from unveil_core.ground.fit import DriveGround
 from unveil_core.ground.path import StreetPath
+from unveil_core.surfels.ply import read_surfels, write_surfels
 
 
 @pytest.fixture(scope="module")
@@ -121,6 +123,18 @@ def test_full_has_the_car_and_empty_has_not(workspace: Path, tmp_path: Path) -> 
         assert (labels[car] == CAR).mean() > 0.9 if state == "full" else not (labels == CAR).any()
     red = {state: (p[:, 0] - p[:, 1]).mean() for state, p in shown.items()}
     assert red["full"] > 100 and red["empty"] < 20
+
+
+def test_the_edited_scene_is_what_somebody_left_of_it(
+    workspace: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edited = Path(shutil.copytree(workspace, tmp_path / "edited"))
+    command = ["render", str(edited), "--state", "edited", "-o", str(tmp_path / "out")]
+    assert main(command) == 2 and "there is no edited scene yet (edit the Gaussians" in capsys.readouterr().err
+    whole = read_surfels(edited / "surfels/empty.ply")
+    write_surfels(whole.select(torch.zeros(0, dtype=torch.long)), edited / "surfels/edited.ply")
+    assert main([*command, "--planes", "alpha"]) == 0
+    assert not any(read_image(path).any() for path in (tmp_path / "out/alpha").glob("*.png"))
 
 
 def test_its_own_cameras_are_a_path_again(

@@ -3,7 +3,7 @@
 bpy is not built to share a process: it can crash at exit, and keeps what one file did for the next. Any Python with bpy
 and pytest will do; unveil_core is not needed there, for the add-on works with a Python of its own, as with a user.
 
-    python tests/blender_addon/run_in_blender.py PYTHON [FILE ...]
+    python tests/blender_addon/run_in_blender.py PYTHON ... [FILE ...]
 """
 
 from __future__ import annotations
@@ -79,15 +79,21 @@ def run_check(python: str, check: Path, *, shared: Path, timeout_s: float = 300)
 
 
 def main(arguments: list[str]) -> int:
-    """Run all, or those named; 1 if one fails."""
-    worst = 0
-    with tempfile.TemporaryDirectory(prefix="unveil-shared-") as shared:
-        for check in [Path(a).resolve() for a in arguments[1:]] or checks():
-            done = run_check(arguments[0], check, shared=Path(shared))
-            said = done.stdout + (done.stderr if done.returncode else "")
-            print(f"--- {check.name}: exit {done.returncode}\n{said}", flush=True)
-            worst = max(worst, int(done.returncode != 0))
-    return worst
+    """Run all files, or those named, under each Python; 1 if one fails. Ends with a line for each Python."""
+    named = [Path(a).resolve() for a in arguments if a.endswith(".py")]
+    outcomes = []
+    for python in (a for a in arguments if not a.endswith(".py")):
+        failed = []
+        with tempfile.TemporaryDirectory(prefix="unveil-shared-") as shared:
+            for check in named or checks():
+                done = run_check(python, check, shared=Path(shared))
+                said = done.stdout + (done.stderr if done.returncode else "")
+                print(f"--- {check.name}: exit {done.returncode}\n{said}", flush=True)
+                failed += [check.stem] if done.returncode else []
+        outcomes.append((python, len(named or checks()), failed))
+    for python, count, failed in outcomes:
+        print(f"{python}: {count - len(failed)} of {count} files passed", *failed, flush=True)
+    return int(any(failed for _, _, failed in outcomes))
 
 
 if __name__ == "__main__":

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from blender_addon.worker.environment import LOCKS
+from blender_addon.worker.environment import FOOTAGE, LOCKS
 from requirements.check import pins, plain
 from requirements.lock import BLENDERS
 
 ROOT = Path(__file__).parents[2]
 LOCK_FILES = sorted((ROOT / "requirements").glob("*.txt"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-OF_NUMPY_1 = {"numpy-1.txt", *(f"bpy-{release}.txt" for release in BLENDERS)}
+OF_NUMPY_1 = {"numpy-1.txt", *(f"bpy-{release}.txt" for release, _, _, numpy in BLENDERS if numpy)}
 PINNED = pins((ROOT / "constraints.txt").read_text())
 
 
@@ -58,7 +58,11 @@ def test_what_make_installs_is_what_the_project_asks_for() -> None:
 
 def test_the_extension_brings_the_locks_that_the_add_on_reads() -> None:
     makefile = (ROOT / "Makefile").read_text()
-    assert f"$(foreach lock,{' '.join(n.removesuffix('.txt') for n in LOCKS)},requirements/$(lock).txt)" in makefile
+    assert (
+        f"$(foreach lock,{' '.join(n.removesuffix('.txt') for n in LOCKS)},requirements/$(lock).txt) requirements/{FOOTAGE}"
+        in makefile
+    )
+    assert locked(FOOTAGE) >= wanted(PROJECT["optional-dependencies"]["solve"])
     assert "unveil-core" not in locked(*(path.name for path in LOCK_FILES))
 
 

@@ -16,7 +16,7 @@ def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What pip finds, and lock files that list some of it."""
     folder, locks = tmp_path / "packages", tmp_path / "locks"
     locks.mkdir()
-    kept = {name: tiny_wheel(folder, "", name, "1.0") for name in ("pip", "core", "torch", "cuda")}
+    kept = {name: tiny_wheel(folder, "", name, "1.0") for name in ("pip", "core", "solve", "torch", "cuda")}
     tiny_wheel(folder, "", "core", "2.0")  # newer, and not in the lock
     for name, wheel in kept.items():
         (locks / f"{name}.txt").write_text(locked(wheel))
@@ -33,15 +33,15 @@ def names(folder: Path) -> set[str]:
 
 def test_all_that_the_locks_list_is_there_and_nothing_else(packages: Path, tmp_path: Path) -> None:
     wheels.main([str(tmp_path / "all"), "", ""])
-    assert names(tmp_path / "all") == {"pip-1.0", "core-1.0", "torch-1.0", "cuda-1.0"}
+    assert names(tmp_path / "all") == {"pip-1.0", "core-1.0", "solve-1.0", "torch-1.0", "cuda-1.0"}
     wheels.main([str(tmp_path / "windows"), "", "--platform win_amd64"])
-    assert names(tmp_path / "windows") == {"pip-1.0", "core-1.0", "torch-1.0"}
+    assert names(tmp_path / "windows") == {"pip-1.0", "core-1.0", "solve-1.0", "torch-1.0"}
 
 
 def test_torch_of_another_index_has_the_version_of_the_lock(packages: Path, tmp_path: Path) -> None:
     tiny_wheel(packages, "build = 'cpu'\n", "torch", "1.0+cpu")
     wheels.main([str(tmp_path / "cpu"), packages.as_uri(), ""])
-    assert names(tmp_path / "cpu") == {"pip-1.0", "core-1.0", "torch-1.0+cpu"}
+    assert names(tmp_path / "cpu") == {"pip-1.0", "core-1.0", "solve-1.0", "torch-1.0+cpu"}
 
 
 def test_what_pip_refuses_is_an_error(packages: Path, tmp_path: Path) -> None:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_notice, no_progress
-from unveil_core.exports.job import START_FRAME, STATES, TEXTURE_PX, Job
+from unveil_core.exports.job import START_FRAME, TEXTURE_PX, Job
 from unveil_core.exports.registry import ExportFormat, export, formats_named, place_of
 from unveil_core.exports.splats.spz import SPZ_VERSION, check_spz
 from unveil_core.pipeline.output_place import check_file_place, check_folder_place, drives_of
+from unveil_core.workspace.scene_states import check_scene_state
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["MESHES", "export_results"]
@@ -64,8 +65,7 @@ def export_results(
         WorkspaceError: a stage that a format needs has not run.
         UnveilError: it cannot be written.
     """
-    if state not in STATES:
-        raise SettingsError(f"Not a state: {state}", mend=f"use {', '.join(STATES)}")
+    check_scene_state(state)
     if not 0 <= start_frame <= MOST_FRAME:
         raise SettingsError(f"Not the number of a frame: --start-frame {start_frame}", mend=f"use 0 to {MOST_FRAME}")
     if not 0 <= levels <= MOST_LEVELS:

@@ -51,6 +51,7 @@ MESSAGES = {
     "debug": (("--debug",), "show tracebacks"),
 }
 """Options of all verbs, before or after them, with their help."""
+STATE = "the street without or with everything, or as it was edited in Blender"
 DRIVE = "a transforms.json, or the folder of a drive: nerfstudio, COLMAP, KITTI, nuScenes, Waymo, …"
 SETTINGS_FILE = 'settings from a file, as quality = "draft"; options come before it'
 
@@ -256,7 +257,7 @@ def _add_render(verbs: _Verbs) -> None:
         "render", help="render the scene from free views: a path of cameras, or beside the drive's own"
     )
     p.add_argument("workspace", type=Path, help="folder of the results")
-    p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
+    p.add_argument("--state", default="empty", choices=("empty", "full", "edited"), help=STATE)
     p.add_argument(
         "--path",
         type=Path,
@@ -284,7 +285,7 @@ def _add_export(verbs: _Verbs) -> None:
         metavar="NAMES",
         help=f"{','.join(EXPORTS)}; by default the mesh that FILE's suffix says",
     )
-    p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
+    p.add_argument("--state", default="empty", choices=("empty", "full", "edited"), help=STATE)
     p.add_argument(
         "--triangles", type=int, metavar="N", help="of a mesh at most; all by default, 200,000 of one with textures"
     )

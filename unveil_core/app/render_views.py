@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.errors import SettingsError, UnveilError, WorkspaceError
+from unveil_core.base.errors import SettingsError, UnveilError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.output.written import check_writable, note_written
 from unveil_core.base.pictures.decoding import read_metadata
@@ -31,11 +31,12 @@ from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import load_labels
+from unveil_core.workspace.scene_states import SCENE_STATES, check_scene_state, scene_file
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["PLANES", "STATES", "check_planes", "read_scene", "render_views", "rendered_planes"]
 
-STATES = ("empty", "full")
+STATES = SCENE_STATES
 PLANES = ("rgb", "depth", "normal", "alpha", "semantics")
 _NEEDS = {
     "rgb": ("rgb", "alpha"),
@@ -142,8 +143,7 @@ def check_planes(planes: Sequence[str]) -> None:
 
 
 def _check_settings(state: str, planes: Sequence[str], beside: float, above: float) -> None:
-    if state not in STATES:
-        raise SettingsError(f"Not a state: {state}", mend=f"use {' or '.join(STATES)}")
+    check_scene_state(state)
     check_planes(planes)
     for name, shift in (("beside", beside), ("above", above)):
         if not math.isfinite(shift) or abs(shift) > FARTHEST_SHIFT_M:
@@ -156,13 +156,7 @@ def read_scene(workspace: Workspace, state: str) -> tuple[Surfels, Sky]:
     Raises:
         SettingsError: an unknown state. WorkspaceError: there is no such scene yet.
     """
-    if state not in STATES:
-        raise SettingsError(f"Not a state: {state}", mend=f"use {' or '.join(STATES)}")
-    path = workspace.surfels_full if state == "full" else workspace.surfels_empty
-    if not path.is_file():
-        verb = "reconstruct" if state == "full" else "reoptimize"
-        raise WorkspaceError(f"Not made yet: the {state} scene", path=path, mend=f"run `unveil {verb}`")
-    return read_surfels(path), load_sky(workspace.root / "surfels/sky.npz")
+    return read_surfels(scene_file(workspace, state)), load_sky(workspace.root / "surfels/sky.npz")
 
 
 def _pictures(

@@ -13,6 +13,7 @@ import numpy as np
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import read_own_json
 from unveil_core.base.pictures.colours import Colours
+from unveil_core.base.ply.reading import read_vertices
 from unveil_core.base.progress import Progress, no_notice, no_progress
 from unveil_core.base.types import Labels
 from unveil_core.drives.drive import Drive, Frame
@@ -28,11 +29,12 @@ from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.scene_edit import read_edit
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_labels
+from unveil_core.workspace.scene_states import SCENE_STATES, scene_file
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["START_FRAME", "STATES", "TEXTURE_PX", "Job"]
 
-STATES = ("empty", "full")
+STATES = SCENE_STATES
 START_FRAME = 1001
 """Number of the first frame of a track: film and television begin their shots there, so that handles before it have numbers."""
 
@@ -111,11 +113,7 @@ class Job:
 
     def surfels(self, state: str) -> Surfels:
         """The surfels of a state, see :attr:`scene`."""
-        path = self.workspace.surfels_full if state == "full" else self.workspace.surfels_empty
-        if not path.is_file():
-            verb = "reconstruct" if state == "full" else "reoptimize"
-            raise WorkspaceError(f"Not made yet: the {state} scene", path=path, mend=f"run `unveil {verb}`")
-        return read_surfels(path)
+        return read_surfels(scene_file(self.workspace, state))
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -123,8 +121,12 @@ class Job:
 
         Raises:
             WorkspaceError: no mesh there yet, or nothing in it.
-            SettingsError: too few triangles.
+            SettingsError: too few triangles, or a state that has no mesh.
         """
+        if self.state == "edited":
+            raise SettingsError(
+                "the edited scene has no mesh", mend="export splats of it, or the mesh of --state empty"
+            )
         source = self.workspace.root / "meshes" / f"{self.state}.ply"
         mesh = read_ply(source, self.drive.to_world)
         if not len(mesh.faces):
@@ -188,6 +190,8 @@ class Job:
     def scene_instances(self) -> Labels:
         """(N,) object of each surfel of :attr:`scene`, 0 none: what stays in the empty scene keeps its object."""
         count = len(self.scene)
+        if self.state == "edited":
+            return _column(scene_file(self.workspace, self.state), "instance", count)
         if not (self.workspace.root / "surfels/instances.npy").is_file():
             return np.zeros(count, dtype=np.int64)
         if self.state == "full":
@@ -218,3 +222,12 @@ class Job:
         if not path.is_file():
             raise WorkspaceError("Not made yet: clean frames", path=path, mend="run `unveil deliver`")
         return path
+
+
+def _column(path: Path, name: str, count: int) -> Labels:
+    """(N,) whole numbers that a file of surfels has beside what all have, 0 where it has none."""
+    found = read_vertices(path)
+    if name not in found.names:
+        return np.zeros(count, dtype=np.int64)
+    numbers: Labels = np.nan_to_num(found.columns((name,), np.float64)[:, 0]).astype(np.int64)
+    return numbers

@@ -397,7 +397,7 @@ def export(job: Job, places: Sequence[tuple[ExportFormat, Path]], *, replace: bo
     """
     receipts = read_receipts(job.workspace.root, replace=replace)
     for one, path in places:
-        if job.state == "full" and not one.both_states:
+        if job.state != "empty" and not one.both_states:
             raise SettingsError(f"Not of this state: {one.name} shows the empty street only", mend="leave --state out")
         if not one.suffix:
             check_free(path)

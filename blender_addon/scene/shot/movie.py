@@ -41,9 +41,10 @@ def extracted(movie: Path, folder: Path, frames: Sequence[int], shift: int, size
             scene.render.fps = max(round(strip.fps), 1)
             scene.render.fps_base = scene.render.fps / strip.fps
         last = frames[-1] + shift
-        if strip.frame_duration < last:
+        length = versions.content_length(strip)
+        if length < last:
             raise ShotError(
-                f"{movie}: has {strip.frame_duration} pictures, and the frame range asks for number {last}: "
+                f"{movie}: has {length} pictures, and the frame range asks for number {last}: "
                 "set the frame range to the clip's, or correct its start frame"
             )
         # One picture after the other as Blender plays them: what is asked for by itself may be the one shown before.

@@ -12,8 +12,10 @@ import bpy
 
 from ...worker.job_state import JobState
 from ...worker.session import session
+from .left_behind import keep
 from .redrawing import redraw
 from .task import Task
+from .telling import tell_end
 
 __all__ = ["follow", "waits_for"]
 
@@ -35,7 +37,7 @@ def follow(task: Task) -> None:
     _task = task
     _shown.clear()
     if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=TICK_S)
+        bpy.app.timers.register(_tick, first_interval=TICK_S, persistent=True)  # a file may be opened
 
 
 def waits_for() -> str:
@@ -55,7 +57,7 @@ def _tick() -> float | None:
     """What Blender's timer calls; returns the seconds until the next call, None for no more."""
     global _task
     task = _task
-    if task is None or not session.busy:  # ended from elsewhere: another file was opened, the add-on was switched off
+    if task is None or not session.busy:  # ended from elsewhere: the add-on was switched off
         _task = None
         return None
     started = time.perf_counter()
@@ -84,6 +86,11 @@ def _load(task: Task, state: JobState) -> None:
             task.show(bpy.context)  # what is wrong with it is told at the end
         else:
             task.conclude(bpy.context)
+            shown = task.load is None or task.place() is not None
+            if state.status == "done" and not shown:
+                keep(task)
+            if task.tells:
+                tell_end(task.title, state, shown, task.workspace)
         redraw(bpy.context, everything=True)
 
 

@@ -7,22 +7,29 @@ Buttons get the other: a timer follows the job (see :mod:`following`), and Blend
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import bpy
 
 from ...formats.files import one_line
 from ...scene import versions
+from ...worker.awaited_job import AwaitedJob, Start
+from ...worker.interpreter import Found
 from ...worker.job_state import JobState, duration
 from ...worker.jobs import Job, unveil_job
 from ...worker.session import session
-from ...worker.workspace_state import STAGES
-from ..preferences import unveil_interpreter
+from ...worker.workspace_state import SOLVING, STAGES
+from ..preferences import known_interpreter, search
 from .following import follow
 from .redrawing import redraw
 from .task import Task
 
 __all__ = ["JobOperator", "UserError", "progress_lines", "stage_line"]
+
+
+NO_PYTHON = "No Python with unveil was found: open the add-on's preferences and press Install"
 
 
 class UserError(Exception):
@@ -52,19 +59,29 @@ class JobOperator:
         """
         raise NotImplementedError
 
-    def start(self, context: bpy.types.Context) -> Job:
-        """Start the job; the ``unveil`` command by default."""
+    def prepare(self, context: bpy.types.Context) -> Callable[[], Start]:
+        """What finds out how the job is started; called in a thread, so it asks Blender for nothing.
+
+        Raises:
+            UserError: it cannot be started as things stand.
+        """
         arguments = self.arguments(context)
-        return unveil_job(_interpreter(context), arguments)
+        known, look = known_interpreter(context), search(context)
+
+        def found() -> Start:
+            return partial(unveil_job, _usable(known or look()), arguments)
+
+        return found
 
     def task(self, context: bpy.types.Context) -> Task:
         """What is done with what the job makes; asked for once it has started."""
-        return Task(self.title(), context.scene.name, context.scene.unveil.workspace)
+        settings = context.scene.unveil
+        return Task(self.title(), context.scene.name, settings.workspace, drive=settings.drive)
 
     # ----------------------------------------------------------------------------------------------------------- the two ways
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        task = self._begin(context)
+        task = self._begin(context, lambda prepare: prepare()(None))
         if task is None:
             return {"CANCELLED"}
         session.wait()
@@ -86,17 +103,22 @@ class JobOperator:
 
     def start_following(self, context: bpy.types.Context) -> set[str]:
         """Start the job and return at once."""
-        task = self._begin(context)
+        named = context.scene.unveil.drive, context.scene.unveil.workspace
+        task = self._begin(context, lambda prepare: AwaitedJob(prepare, "Looking for the Python of Unveil"))
         if task is None:
             return {"CANCELLED"}
+        if (task.drive, task.workspace) != named:  # to be taken back by itself, and not with what was done before
+            bpy.ops.ed.undo_push(message=self.title())
         follow(task)
         redraw(context)
         return {"FINISHED"}
 
-    def _begin(self, context: bpy.types.Context) -> Task | None:
+    def _begin(
+        self, context: bpy.types.Context, start: Callable[[Callable[[], Start]], Job | AwaitedJob]
+    ) -> Task | None:
         try:
-            session.begin(self.title(), lambda: self.start(context))
-        except UserError as error:
+            session.begin(self.title(), lambda: start(self.prepare(context)))
+        except (UserError, LookupError) as error:
             self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
             return None
         except (OSError, ValueError) as error:  # of the interpreter, or of what is written for the worker to read
@@ -107,7 +129,7 @@ class JobOperator:
 
 def stage_line(state: JobState) -> str:
     """The bar counts one stage: which of how many that is, and its name."""
-    name = STAGES.get(state.stage, state.stage) or "starting"
+    name = {**SOLVING, **STAGES}.get(state.stage, state.stage) or "starting"
     return f"Stage {state.place[0]} of {state.place[1]}: {name}" if state.place else name
 
 
@@ -120,10 +142,10 @@ def progress_lines(state: JobState) -> tuple[str, str]:
     return "  ".join(p for p in (count, state.message) if p), "  ".join(p for p in (loss, remaining) if p)
 
 
-def _interpreter(context: bpy.types.Context) -> Path:
-    found = unveil_interpreter(context)
+def _usable(found: Found | None) -> Path:
+    """The interpreter. LookupError: it does not do."""
     if found is None:
-        raise UserError("No Python with unveil was found: open the add-on's preferences and press Create environment")
+        raise LookupError(NO_PYTHON)
     if not found.ok:
-        raise UserError(found.problem)
+        raise LookupError(found.problem)
     return found.python

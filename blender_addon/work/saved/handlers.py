@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What happens when files are opened and saved: the work of the file before ends, paths are made to fit, moved workspaces found."""
+"""What happens when files are opened and saved: work goes on and is taken up, paths are made to fit, moved workspaces found."""
 
 from __future__ import annotations
 
@@ -8,17 +8,24 @@ from collections.abc import Callable
 import bpy
 from bpy.app.handlers import persistent
 
+from ...scene import versions
 from ...worker.session import session
+from ..job.left_behind import take_up
+from ..job.telling import tell
 from .moved_workspace import find_moved_workspaces
 from .paths_in_file import look_up_all, make_absolute, make_relative
 
 __all__: list[str] = []
 
+SOON_S = 0.05
+
 
 @persistent
 def _before_load(*_: object) -> None:
-    session.end()
-    session.last = None  # it spoke of the other file
+    """A job goes on: what it makes lies in its workspace, and is loaded where a scene has that. See :class:`Task`."""
+    session.file += 1
+    if not session.busy:
+        session.last = None  # it spoke of the other file
 
 
 @persistent
@@ -26,6 +33,15 @@ def _after_load(*_: object) -> None:
     make_absolute()
     find_moved_workspaces()
     look_up_all()
+    if versions.has_window():
+        bpy.app.timers.register(_take_up, first_interval=SOON_S)  # once Blender is done with opening the file
+    else:
+        _take_up()
+
+
+def _take_up() -> None:
+    for line in take_up(bpy.context):
+        tell(line)
 
 
 @persistent
@@ -59,8 +75,9 @@ def register() -> None:
 
 
 def unregister() -> None:
-    if bpy.app.timers.is_registered(_switched_on):
-        bpy.app.timers.unregister(_switched_on)
+    for timer in (_switched_on, _take_up):
+        if bpy.app.timers.is_registered(timer):
+            bpy.app.timers.unregister(timer)
     for name, handler in HANDLERS.items():
         if handler in getattr(bpy.app.handlers, name):
             getattr(bpy.app.handlers, name).remove(handler)

@@ -94,6 +94,37 @@ def test_a_painted_frame_is_followed_by_all_others(addon, scene, workspace, tmp_
     ).arguments(scene)
 
 
+def test_paint_is_not_written_over(addon, scene, workspace) -> None:
+    """Painted, saved, and lost from the list: by undo, or for the .blend was left unsaved."""
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(workspace))
+    scene.frame_set(1004)
+    bpy.ops.unveil.paint_frame()
+    copy = workspace / "corrections/camera/03.png"
+    where = np.zeros((80, 128), bool)
+    where[56:66, 50:80] = True
+    paint(scene.unveil_selection.fixes[0].image, where, (0.0, 1.0, 0.0))
+    scene.unveil_selection.fixes[0].image.save()
+    painted = copy.read_bytes()
+    assert painted != (workspace / "corrections/camera/03_before.png").read_bytes()
+    scene.unveil_selection.fixes.clear()
+    assert bpy.ops.unveil.paint_frame() == {"FINISHED"}
+    assert copy.read_bytes() == painted and len(scene.unveil_selection.fixes) == 1
+    # What is painted and not saved yet is in no file, and stays in the picture.
+    paint(scene.unveil_selection.fixes[0].image, where, (1.0, 0.0, 0.0))
+    scene.unveil_selection.fixes.clear()
+    bpy.ops.unveil.paint_frame()
+    assert np.abs(pixels(scene.unveil_selection.fixes[0].image)[where] - (1, 0, 0)).max() < 0.01
+    # What is forgotten begins anew; the paint is kept aside.
+    bpy.ops.unveil.forget_fix(index=0)
+    assert copy.read_bytes() == painted  # it can be undone
+    bpy.ops.unveil.paint_frame()
+    assert copy.read_bytes() == (workspace / "frames/camera/03.png").read_bytes()
+    assert (workspace / "corrections/camera/03_forgotten.png").read_bytes() == painted
+    assert not (workspace / "corrections/camera/03_forgotten").exists()
+
+
 def test_settings_of_single_objects(addon, scene, workspace) -> None:
     import bpy
 

@@ -227,16 +227,64 @@ def test_a_deleted_drive_comes_back_once(addon, scene, workspace) -> None:
     assert len(addon.module("scene.versions").strips_of(scene)) == 2
 
 
-def test_opening_a_file_ends_the_job_before(addon, empty, tmp_path) -> None:
+def sleeping(addon, seconds: float):  # type: ignore[no-untyped-def]
+    """A job that sleeps, started as any other."""
+    session, jobs = addon.module("worker.session").session, addon.module("worker.jobs")
+    program = [os.environ["UNVEIL_PYTHON"], "-c", f"import time; time.sleep({seconds})"]
+    session.begin("a sleep", lambda: jobs.Job(program))
+    return session
+
+
+def test_a_job_outlives_the_file_that_it_was_started_in(addon, empty) -> None:
     import bpy
 
-    session = addon.module("worker.session").session
-    jobs = addon.module("worker.jobs")
-    python = os.environ["UNVEIL_PYTHON"]
-    session.begin("a sleep", lambda: jobs.Job([python, "-c", "import time; time.sleep(60)"]))
+    session = sleeping(addon, 60)
     job = session.job
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    assert not session.busy and not job.state.running and session.last is None
+    assert session.busy and job.state.running and session.last is job.state
+    session.end()
+    assert not job.state.running and not session.busy
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    assert session.last is None  # it spoke of the other file
+
+
+def test_results_that_came_in_another_file_are_loaded_when_theirs_is_opened(addon, empty, workspace, tmp_path) -> None:
+    import bpy
+
+    task, left_behind = addon.module("work.job.task"), addon.module("work.job.left_behind")
+    load = addon.module("work.loading").load
+    empty.unveil.workspace = str(workspace)
+    blend = tmp_path / "street.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    begun = task.Task("Unveil", empty.name, str(workspace), load=load, drive=empty.unveil.drive)
+    session = sleeping(addon, 0.1)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    session.wait()
+    assert begun.conclude(bpy.context).status == "done"
+    assert begun.place() is None and not bpy.context.scene.collection.children and log(addon) == ""
+    left_behind.keep(begun)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    assert not bpy.context.scene.collection.children
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    assert {"Mesh after", "camera"} <= set(bpy.data.objects.keys())
+    assert left_behind.take_up(bpy.context) == []  # once
+
+
+def test_what_an_undo_step_took_back_is_named_again_with_the_results(addon, scene, workspace, street) -> None:
+    import bpy
+
+    task = addon.module("work.job.task")
+    load = addon.module("work.loading").load
+    words = {"load": load, "drive": str(street)}
+    imported = task.Task("Import", scene.name, str(workspace), names=True, **words)
+    run = task.Task("Unveil", scene.name, str(workspace), **words)
+    scene.unveil.workspace = "/elsewhere"  # of a run: somebody has named another one
+    assert run.show(bpy.context) == "" and scene.unveil.workspace == "/elsewhere"
+    assert imported.show(bpy.context) == ""
+    assert (scene.unveil.drive, scene.unveil.workspace) == (str(street), str(workspace))
+    scene.unveil.drive = scene.unveil.workspace = ""
+    assert run.show(bpy.context) == ""
+    assert (scene.unveil.drive, scene.unveil.workspace) == (str(street), str(workspace))
 
 
 def test_the_panel_draws_in_every_state(addon, empty) -> None:

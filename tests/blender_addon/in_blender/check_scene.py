@@ -166,7 +166,7 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
     assert greatest_error(addon, scene.camera, ws, points) < 0.01
     # The model has y down; in the scene z is up, and its origin lies amid the cameras.
     assert scene.camera.matrix_world[2][1] > 0.7 and scene.camera.matrix_world.translation.length < 30
-    pick = addon.module("work.operators_import")._drive_of
+    pick = addon.module("work.opening.operators_open_drive").drive_of
     for folder in ("colmap", "colmap/sparse", "colmap/sparse/0"):
         (made / folder / "cameras.txt").touch()
         assert pick(made / folder / "cameras.txt") == made / "colmap"

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import outside
 
 
 @pytest.fixture
@@ -89,6 +90,96 @@ def test_all_gaussians_have_the_attributes_of_the_file(addon, scene, native, sur
     scene.unveil_view.shown, scene.unveil_view.state = {"SPLATS"}, "AFTER"
     bpy.context.view_layer.update()
     assert thing.visible_get() and not bpy.data.objects["Gaussians before"].visible_get()
+
+
+def test_it_equals_what_blenders_own_importer_makes_of_the_file(addon, scene, surfels: Path) -> None:
+    import bpy
+
+    if not addon.module("scene.versions").has_native_splats():
+        pytest.skip("this Blender has no Gaussians of its own")
+    for state in ("full", "empty"):
+        bpy.ops.unveil.load_workspace(directory=str(surfels))
+        ours = bpy.data.objects["Gaussians before" if state == "full" else "Gaussians after"].data
+        bpy.ops.wm.ply_import(filepath=str(surfels / f"surfels/{state}.ply"), forward_axis="Y", up_axis="Z")
+        theirs = bpy.context.view_layer.objects.active.data
+        assert ours.type == theirs.type and len(ours.points) == len(theirs.points) > 1000
+        part, width = {"FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT4": "vector"}, {"FLOAT_VECTOR": 3}
+        compared = [a.name for a in theirs.attributes if a.name in ours.attributes and a.name != "label"]
+        assert {"position", "scale", "rotation", "radiance:base"} <= set(compared)
+        for name in compared:
+            kind = theirs.attributes[name].data_type
+            assert ours.attributes[name].data_type == kind
+            one, other = (values(cloud, name, part[kind], width.get(kind, 4)) for cloud in (ours, theirs))
+            assert np.allclose(one, other, rtol=1e-5, atol=1e-7), (name, np.abs(one - other).max())
+        labels = [values(cloud, "label", "value", 1)[:, 0] for cloud in (theirs,)][0]
+        assert np.array_equal(whole(ours, "label"), labels.astype(int))
+
+
+def test_what_was_deleted_and_moved_becomes_a_state_of_the_workspace(addon, scene, native, surfels: Path) -> None:
+    import bpy
+
+    scene.unit_settings.scale_length = 0.01
+    bpy.ops.unveil.load_workspace(directory=str(surfels))
+    thing = bpy.data.objects["Gaussians after"]
+    read_ply = addon.module("formats.ply_file").read_ply
+    before = read_ply(surfels / "surfels/empty.ply")
+    assert bpy.ops.unveil.keep_splats() == {"FINISHED"}  # nothing was changed
+    same = read_ply(surfels / "surfels/edited.ply")
+    assert same.comments == before.comments
+    every = np.arange(len(before.vertices))
+    one, other = (addon.module("formats.gaussians").gaussians_of(file, 1.0, every) for file in (same, before))
+    for name in ("positions", "scales", "rotations", "base", "harmonics"):
+        assert np.allclose(getattr(one, name), getattr(other, name), atol=1e-4, rtol=1e-4), name
+    assert np.array_equal(same.vertices["label"], before.vertices["label"])
+    thing.location.x = 300.0  # three metres
+    bpy.context.view_layer.update()
+    assert bpy.ops.unveil.keep_splats() == {"FINISHED"}
+    moved = read_ply(surfels / "surfels/edited.ply")
+    assert np.allclose(moved.positions - before.positions, (3, 0, 0), atol=1e-4)
+    assert np.array_equal(moved.vertices["instance"], whole(thing.data, "instance"))
+    if hasattr(thing.data, "resize"):  # a modifier, or Edit Mode, deletes some
+        thing.location.x = 0.0
+        thing.data.resize(500)
+        bpy.context.view_layer.update()
+        assert bpy.ops.unveil.keep_splats() == {"FINISHED"}
+        assert np.allclose(read_ply(surfels / "surfels/edited.ply").positions, before.positions[:500], atol=1e-4)
+    thing.scale = (1.0, 2.0, 1.0)
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match="scaled differently"):
+        bpy.ops.unveil.keep_splats()
+    outside(
+        "-m",
+        "unveil_core",
+        "export",
+        str(surfels),
+        "--to",
+        "splat-ply",
+        "--state",
+        "edited",
+        "-o",
+        str(surfels / "out"),
+    )
+    assert (surfels / "out/edited_splats.ply").is_file()
+
+
+def whole(cloud, name: str) -> np.ndarray:  # type: ignore[no-untyped-def]
+    found = np.empty(len(cloud.points), np.int32)
+    cloud.attributes[name].data.foreach_get("value", found)
+    return found
+
+
+def test_each_gaussian_tells_class_object_and_provenance(addon, scene, native, surfels: Path) -> None:
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(surfels))
+    before, after = (bpy.data.objects[f"Gaussians {state}"].data for state in ("before", "after"))
+    edit = np.load(surfels / "surfels/edit.npz")
+    removed = edit["removed"]
+    assert set(whole(before, "instance")[removed]) <= {0, 5} and (whole(before, "instance") == 5).sum() > 10
+    assert set(whole(after, "instance")) <= {0} | set(whole(before, "instance"))
+    added = len(edit["origin"])
+    assert set(whole(after, "provenance")[-added:]) <= {3, 4} and set(whole(after, "provenance")[:-added]) <= {1, 2}
+    assert len(set(whole(after, "label"))) > 2
 
 
 def test_loaded_again_it_is_the_same_object(addon, scene, native, surfels: Path) -> None:

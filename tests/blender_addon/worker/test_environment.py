@@ -200,6 +200,19 @@ def installed(folder: Path) -> set[str]:
     return {line for line in said.stdout.split() if not line.startswith(("pip=", "setuptools="))}
 
 
+@pytest.mark.parametrize("is_there", [True, False])
+def test_what_reads_footage_is_installed_where_it_can_be_had(index: Index, tmp_path: Path, is_there: bool) -> None:
+    """Without it, everything but Import Footage works."""
+    video = index.put("tiny_video")
+    (index.addon / "core" / environment.FOOTAGE).write_text(locked(video))
+    if not is_there:
+        video.unlink()
+    state = index.job(tmp_path / "environment").wait(90)
+    assert state.status == "done", list(state.log)
+    assert installed(tmp_path / "environment") == LOCKED | ({"tiny-video==1.0"} if is_there else set())
+    assert is_there != any(line.startswith("without footage: ") for line in state.log)
+
+
 LOCKED = {"street-shapes==1.0", "torch==2.13.0", "nvidia-tiny==1.0", "unveil-core==0.1.0"}
 
 

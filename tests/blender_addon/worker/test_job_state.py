@@ -28,6 +28,7 @@ def test_events_and_log_are_told_apart() -> None:
     assert state.metrics == {"loss": 0.25}
     assert list(state.log)[:3] == ["some warning", "{no json", '{"t": 1}']
     assert "20/80" in state.log[-1] and "loss 0.25" in state.log[-1]
+    assert state.answer == {"t": 1}  # what a command was asked for
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Copies of clean frames on the disk: which of them somebody has painted, and how none is written over. No bpy here."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from ..formats.files import write_whole
+from ..formats.open_safely import LARGEST_PICTURE, read_bytes
+
+__all__ = ["BEFORE", "is_painted", "leave", "put_aside"]
+
+BEFORE = "_before"
+"""Ends the name of the copy that was painted over."""
+FORGOTTEN = "_forgotten"
+"""Ends the name of what somebody painted and has forgotten since; as long as nothing took its place, a mark without a suffix."""
+
+
+def is_painted(folder: Path, frame: str) -> bool:
+    """Whether there is a copy that somebody has painted, and did not forget: it differs from what was painted over."""
+    if (folder / (frame + FORGOTTEN)).exists():
+        return False
+    one, before = _content(folder, frame), _content(folder, frame + BEFORE)
+    return one is not None and before is not None and one != before
+
+
+def leave(folder: Path, frame: str) -> None:
+    """Somebody forgets what was painted: a mark allows a new copy in its place. The picture stays, for this can be undone."""
+    write_whole(folder / (frame + FORGOTTEN), b"")
+
+
+def put_aside(folder: Path, frame: str) -> None:
+    """Before a new copy is made: what may be somebody's keeps a name of its own, and the mark goes."""
+    one = _content(folder, frame)
+    if one is not None and one != _content(folder, frame + BEFORE):
+        os.replace(folder / f"{frame}.png", folder / f"{frame}{FORGOTTEN}.png")
+    with suppress(FileNotFoundError):
+        (folder / (frame + FORGOTTEN)).unlink()
+
+
+def _content(folder: Path, name: str) -> bytes | None:
+    try:
+        return read_bytes(folder / f"{name}.png", LARGEST_PICTURE)
+    except FileNotFoundError:
+        return None

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What ``unveil check`` has told of a drive, as the import dialog shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...worker.job_state import JobState
+
+__all__ = ["Checked", "checked_of"]
+
+MOST = 6
+"""Lines of each kind that are shown: the page has all."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Attributes:
+    drive: that was looked at.
+    error: why it cannot be read and what to do, in one line; empty where it can.
+    facts: name and value each; assumed: a line each.
+    findings: what looks wrong, with what to do, the worst first; asks: whether a run would not begin without being told to.
+    page: that shows it all; empty where there is none.
+    lacks_python: whether nothing was looked at, for there is no Python that could.
+    """
+
+    drive: str
+    error: str = ""
+    facts: tuple[tuple[str, str], ...] = ()
+    assumed: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    asks: bool = False
+    page: str = ""
+    lacks_python: bool = False
+
+
+def checked_of(drive: Path, state: JobState) -> Checked:
+    """What a check that has ended tells; its answer comes from this add-on's own process, but is taken as any other text."""
+    told = state.answer.get("check")
+    if not isinstance(told, dict):
+        error = state.error or "The check ended without an answer (the log tells why)"
+        return Checked(str(drive), error=error, lacks_python=state.exit_code is None)
+    facts, assumed, findings = (told.get(name) or () for name in ("facts", "assumed", "findings"))
+    return Checked(
+        str(drive),
+        facts=tuple((str(key), str(value)) for key, value in dict(facts).items())[:MOST],
+        assumed=tuple(str(line) for line in assumed)[:MOST],
+        findings=tuple(_line(finding) for finding in findings)[:MOST],
+        asks=any(bool(finding.get("asks")) for finding in findings),
+        page=str(told.get("page") or ""),
+    )
+
+
+def _line(finding: dict[str, object]) -> str:
+    return f"{finding.get('problem', '')} ({finding.get('mend', '')})"
