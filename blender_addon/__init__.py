@@ -17,6 +17,8 @@ MODULES = (
     "scene.view",
     "scene.operators_view",
     "scene.operators_detail",
+    "scene.overlays.points",
+    "scene.cg.operators_cg",
     "choice.fixes",
     "choice.selection",
     "choice.operators_selection",

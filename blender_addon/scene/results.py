@@ -36,8 +36,6 @@ WITHOUT_LENS = {**FOLDERS, "clean": "clean"}
 CLIPS = ("clean", "regions", "removed", "unobserved")
 """Kinds that become movie clips, too, for tracking and compositing."""
 STATES = {"full": "before", "empty": "after"}
-MOST_SPLATS = 150_000
-"""More Gaussians of a scene are thinned evenly, where each is a square of a mesh."""
 MOST_TRIANGLES = 500_000
 """A mesh of more is decimated for the view: so many take 31 MB of a .blend, and a street of 400 m has cells of 0.27 m."""
 
@@ -228,24 +226,23 @@ def load_mesh(collection: bpy.types.Collection, drive: ImportedDrive, state: str
 
 
 def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, state: str) -> list[str]:
-    """The Gaussians of a state: native ones where this Blender has them, else a small square for each."""
+    """The Gaussians of a state, in a Blender that draws them: as faces they look like a street that failed."""
     path, role = drive.workspace / "surfels" / f"{state}.ply", f"splats:{state}"
-    if not path.is_file():
+    _drop_squares(mark, role)
+    if not path.is_file() or not versions.has_native_splats():
         return []
-    native = versions.has_native_splats()
-    _drop_other_kind(mark, role, "POINTCLOUD" if native else "MESH")
-    (_native_splats if native else _square_splats)(collection, mark, drive, role, path)
+    _native_splats(collection, mark, drive, role, path)
     return [role]
 
 
-def _drop_other_kind(mark: str, role: str, kind: str) -> None:
-    """Take away what a Blender of the other sort has made: an object cannot change from a mesh into a point cloud."""
+def _drop_squares(mark: str, role: str) -> None:
+    """Take away what a version before has made as a mesh: an object cannot change into a point cloud."""
     thing = blocks.find(bpy.data.objects, mark, role)
-    if thing is not None and thing.type != kind:
-        data, store = thing.data, bpy.data.meshes if thing.type == "MESH" else bpy.data.pointclouds
+    if thing is not None and thing.type == "MESH":
+        mesh = thing.data
         bpy.data.objects.remove(thing)
-        if data is not None and not data.users and blocks.is_own(data):
-            store.remove(data)
+        if not mesh.users and blocks.is_own(mesh):
+            bpy.data.meshes.remove(mesh)
 
 
 def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, role: str, path: Path) -> None:
@@ -270,28 +267,6 @@ def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
             cloud.name = name
     thing = blocks.ensure_object(cloud, mark, role, name, blocks.child_collection(collection, role, name))
     thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = cloud["unveil_gaussians"], len(cloud.points)
-
-
-def _square_splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, role: str, path: Path) -> None:
-    """Each a square with its opacity and label, in one mesh."""
-    name = f"Gaussians {STATES[path.stem]}"
-    mesh = blocks.ensure(bpy.data.meshes, mark, role, lambda: bpy.data.meshes.new(name))
-    thing = blocks.ensure_object(mesh, mark, role, name, blocks.child_collection(collection, role, name))
-    if mesh.get("unveil_stamp") == _stamp(path, drive):
-        return
-    ply = read_ply(path)
-    try:
-        centres, first, second, colors = splats.surfel_discs(ply)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-    chosen = splats.fair_share(len(centres), MOST_SPLATS)
-    meshes.fill_mesh(mesh, *splats.discs(*(part[chosen] * drive.metre for part in (centres, first, second))))
-    meshes.set_colors(mesh, "Col", np.repeat(colors[chosen], 4, axis=0))
-    opacity = 1 / (1 + np.exp(-ply.vertices["opacity"][chosen].astype(np.float64)))
-    meshes.set_face_values(mesh, "opacity", opacity)
-    meshes.set_face_values(mesh, "label", ply.vertices["label"][chosen].astype(np.int32))
-    thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = len(centres), len(chosen)
-    _finish(mesh, mark, _stamp(path, drive))
 
 
 def _finish(mesh: bpy.types.Mesh, mark: str, stamp: str) -> None:

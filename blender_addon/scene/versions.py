@@ -15,6 +15,7 @@ __all__ = [
     "MATH_NODE",
     "MIX_NODE",
     "PATH",
+    "alpha_over_sockets",
     "compositor_of",
     "fcurve_of",
     "four_floats",
@@ -22,6 +23,7 @@ __all__ = [
     "has_window",
     "mix_sockets",
     "new_splat_cloud",
+    "scale_to_render",
     "set_map_uv_filter",
     "show_in_sequencer",
     "strip_files",
@@ -154,3 +156,19 @@ def compositor_of(scene: Any) -> Any:
         tree.links.new(rendered.outputs["Image"], result.inputs["Image"])
         scene.compositing_node_group = tree
     return scene.compositing_node_group
+
+
+def alpha_over_sockets(node: Any) -> tuple[Any, Any]:
+    """What lies below and what lies above, of an Alpha Over node: named and ordered anew in 5.0."""
+    named = {s.name: s for s in node.inputs}
+    if "Background" in named:
+        return named["Background"], named["Foreground"]
+    return node.inputs[1], node.inputs[2]
+
+
+def scale_to_render(node: Any) -> None:
+    """Let a Scale node of the compositor give its picture the size of the render: a property up to 4.5, an input since 5.0."""
+    if hasattr(node, "space"):
+        node.space, node.frame_method = "RENDER_SIZE", "STRETCH"
+    else:
+        node.inputs["Type"].default_value, node.inputs["Frame Type"].default_value = "Render Size", "Stretch"

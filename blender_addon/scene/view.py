@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from . import blocks, cameras, meshes
 from .images import plates
 
-__all__ = ["FULL_DETAIL", "UnveilView", "apply", "is_decimated", "shown_drive", "shown_mesh"]
+__all__ = ["CG", "FULL_DETAIL", "UnveilView", "apply", "is_decimated", "shown_drive", "shown_mesh"]
 
 ROLES = {"POINTS": ("points",), "MESH": ("mesh",), "SPLATS": ("splats",)}
 STATES = {"BEFORE": "full", "AFTER": "empty"}
 FULL_DETAIL = "unveil_full_detail"
 """Custom property of a mesh's object: whether all of its file is shown."""
+CG = "unveil_cg"
+"""Custom property of a drive's collection: whether the scene renders the artist's objects over its clean plate."""
 
 
 def _state_changed(self: UnveilView, context: bpy.types.Context) -> None:
@@ -26,6 +28,13 @@ def _state_changed(self: UnveilView, context: bpy.types.Context) -> None:
 
 def _changed(self: UnveilView, context: bpy.types.Context) -> None:
     apply(self.id_data)
+
+
+def _redraw(self: UnveilView, context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 class UnveilView(bpy.types.PropertyGroup):
@@ -45,17 +54,39 @@ class UnveilView(bpy.types.PropertyGroup):
         items=(
             ("POINTS", "Points", "LiDAR or structure-from-motion points"),
             ("MESH", "Mesh", "The fused mesh"),
-            ("SPLATS", "Gaussians", "The Gaussian scene: native splats where Blender has them, else a square for each"),
+            ("SPLATS", "Gaussians", "The Gaussian scene as splats, in a Blender that draws them: 5.3 or newer"),
         ),
         options={"ENUM_FLAG"},
         default={"POINTS"},
         update=_changed,
     )
     points: EnumProperty(
-        name="Colour of points",
-        items=(("CLASS", "Class", "By their semantic class"), ("COLOUR", "Colour", "As photographed")),
-        default="CLASS",
+        name="Point Color",
+        items=(("COLOUR", "Photographed", "As photographed"), ("CLASS", "Class", "By their semantic class")),
+        default="COLOUR",
         update=_changed,
+    )
+    points_in_camera: BoolProperty(
+        name="Points in Camera View",
+        description="Draw the points over the picture, too, where a view looks through a camera",
+        update=_redraw,
+    )
+    point_size: FloatProperty(
+        name="Point Size",
+        description="Diameter of a point 12 m away, in pixels; farther ones are smaller",
+        subtype="PIXEL",
+        default=2.5,
+        min=1.0,
+        max=20.0,
+        update=_redraw,
+    )
+    point_reach: FloatProperty(
+        name="Point Distance",
+        description="Points farther from the viewer than this are not drawn, in metres; 0: all are",
+        default=80.0,
+        min=0.0,
+        soft_max=500.0,
+        update=_redraw,
     )
     background: EnumProperty(
         name="Background",
@@ -98,6 +129,8 @@ def apply(scene: bpy.types.Scene) -> None:
         if flag is not None:
             visible = flag in view.shown and state in ("", STATES[view.state])
             child.hide_viewport = child.hide_render = not visible
+            if collection.get(CG):  # what takes the shadows is rendered, and nothing that would cover the plate
+                child.hide_render = (kind, state) != ("mesh", "empty")
     for thing in collection.all_objects:
         if cameras.track_of(thing) is not None:
             plates.show_plate(thing, view.background)
