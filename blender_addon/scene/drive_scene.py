@@ -152,8 +152,7 @@ def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -
         _fill_points(mesh, thing, drive)
         mesh["unveil_stamp"] = stamp
     thing.hide_select = True  # they are everywhere, and a click means something else
-    thing.display_type = "BOUNDS"  # its dots are drawn by overlays/points
-    thing.show_bounds = False
+    thing.hide_viewport = True  # Blender draws bare vertices as black dots; see overlays/points
     meshes.show_colors(mesh, "Class" if bpy.context.scene.unveil_view.points == "CLASS" else "Colour")
 
 

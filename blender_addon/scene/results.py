@@ -26,6 +26,7 @@ FOLDERS = {
     "render": "renders",
     "inpainted": "inpainted",
     "regions": "regions",
+    "provenance": "provenance",
     "removed": "masks/removed",
     "shadows": "masks/shadows",
     "unobserved": "masks/unobserved",
@@ -59,6 +60,7 @@ def load(context: bpy.types.Context, placed: drive_scene.Placed, drive: Imported
         if scene.unveil.set_up_scene:
             _strips(context, camera, mark, drive, timeline)
     _keyframes(scene, mark, drive, timeline)
+    collection[view.FIGURES] = file_stamp(drive.workspace / "metrics.json")
     for state in STATES:
         found += load_mesh(collection, drive, state)
         found += _splats(collection, mark, drive, state)
@@ -89,8 +91,8 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline:
         files = [drive.workspace / place / track / f"{name}.png" for name in names]
         if not all(f.is_file() for f in files):
             continue
-        if kind == "regions":
-            files = _in_color(files, own_folder(drive.workspace, "blender", kind, f"{track}_colours"))
+        if kind in sequences.COLORS:
+            files = _in_color(kind, files, own_folder(drive.workspace, "blender", kind, f"{track}_colours"))
         pictures = sequences.numbered(timeline.held(track, files), drive.workspace, "blender", kind, track)
         plates.set_plate(camera, mark, kind, pictures, timeline.first(track))
         if kind in CLIPS:
@@ -99,11 +101,11 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline:
     return found
 
 
-def _in_color(files: list[Path], folder: Path) -> list[Path]:
-    """Copies of region pictures that show their numbers in colours, in a folder whose names are the frames'."""
+def _in_color(kind: str, files: list[Path], folder: Path) -> list[Path]:
+    """Copies of pictures of numbers that show their numbers in colours, in a folder whose names are the frames'."""
     made = [folder / file.name for file in files]
     for file, target in zip(files, made, strict=True):
-        sequences.in_color(file, target)
+        sequences.in_color(file, target, sequences.COLORS[kind])
     return made
 
 

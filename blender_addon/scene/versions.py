@@ -25,6 +25,7 @@ __all__ = [
     "new_splat_cloud",
     "scale_to_render",
     "set_map_uv_filter",
+    "shown_compositor",
     "show_in_sequencer",
     "strip_files",
     "strips_of",
@@ -172,3 +173,10 @@ def scale_to_render(node: Any) -> None:
         node.space, node.frame_method = "RENDER_SIZE", "STRETCH"
     else:
         node.inputs["Type"].default_value, node.inputs["Frame Type"].default_value = "Render Size", "Stretch"
+
+
+def shown_compositor(scene: Any) -> Any:
+    """The compositor's node tree of a scene as it is, None where there is none: drawing makes nothing."""
+    if hasattr(scene, "compositing_node_group"):
+        return scene.compositing_node_group
+    return scene.node_tree

@@ -3,20 +3,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from . import blocks, cameras, meshes
 from .images import plates
 
-__all__ = ["CG", "FULL_DETAIL", "UnveilView", "apply", "is_decimated", "shown_drive", "shown_mesh"]
+__all__ = [
+    "CG",
+    "FIGURES",
+    "FULL_DETAIL",
+    "UnveilView",
+    "apply",
+    "is_decimated",
+    "shown_drive",
+    "shown_mesh",
+    "when_changed",
+]
 
 ROLES = {"POINTS": ("points",), "MESH": ("mesh",), "SPLATS": ("splats",)}
 STATES = {"BEFORE": "full", "AFTER": "empty"}
 FULL_DETAIL = "unveil_full_detail"
 """Custom property of a mesh's object: whether all of its file is shown."""
+FIGURES = "unveil_figures"
+"""Custom property of a drive's collection: which figures its results have, by the time that their file was written."""
 CG = "unveil_cg"
 """Custom property of a drive's collection: whether the scene renders the artist's objects over its clean plate."""
+
+
+when_changed: list[Callable[[bpy.types.Scene], None]] = []
+"""Called with the scene after :func:`apply`: what is drawn over the views follows."""
 
 
 def _state_changed(self: UnveilView, context: bpy.types.Context) -> None:
@@ -75,7 +93,7 @@ class UnveilView(bpy.types.PropertyGroup):
         name="Point Size",
         description="Diameter of a point 12 m away, in pixels; farther ones are smaller",
         subtype="PIXEL",
-        default=2.5,
+        default=3.0,
         min=1.0,
         max=20.0,
         update=_redraw,
@@ -87,6 +105,38 @@ class UnveilView(bpy.types.PropertyGroup):
         min=0.0,
         soft_max=500.0,
         update=_redraw,
+    )
+    compare: EnumProperty(
+        name="Compare",
+        description="Draw a second picture over the first, in the camera's view and in the Image Editor",
+        items=(
+            ("NONE", "Off", "One picture alone"),
+            ("WIPE", "Wipe", "The other picture to the right of a line that can be dragged"),
+            (
+                "DIFFERENCE",
+                "Difference",
+                "Where the two differ: black is alike, yellow is a quarter of full scale or more",
+            ),
+            ("ORIGIN", "Origins", "Where each removed pixel comes from: seen in other frames, continued, or made up"),
+        ),
+        default="NONE",
+        update=_changed,
+    )
+    wipe: FloatProperty(
+        name="Wipe",
+        description="Where the line stands: share of the picture's width from the left",
+        subtype="FACTOR",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        update=_redraw,
+    )
+    compare_with: EnumProperty(
+        name="With",
+        description="The picture that the background is compared with",
+        items=plates.KINDS,
+        default="original",
+        update=_changed,
     )
     background: EnumProperty(
         name="Background",
@@ -137,6 +187,8 @@ def apply(scene: bpy.types.Scene) -> None:
     points = blocks.find(bpy.data.meshes, blocks.drive_of(collection), "points")
     if points is not None:
         meshes.show_colors(points, "Class" if view.points == "CLASS" else "Colour")
+    for follow in when_changed:
+        follow(scene)
 
 
 CLASSES = (UnveilView,)

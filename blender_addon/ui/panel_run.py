@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Unveil button with what a job tells, and the Run section: settings, and each stage with its state."""
+"""The next step with what a job tells, and the section Unveil: settings, and each stage with its state."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import bpy
 
 from ..formats.table.run_settings import ADVANCED, BASIC, SUN, RunSetting
 from ..scene.view import shown_drive
-from ..work.job import logs
-from ..work.job.job_operator import progress_lines, stage_line
 from ..work.stage_states import stage_states
 from ..worker.job_state import duration
 from ..worker.session import session
 from ..worker.workspace_state import STAGES, StageState
+from .next_step import next_step
 from .panels import Section
+from .telling import progress
 
 __all__ = ["UNVEIL_PT_reading", "UNVEIL_PT_run", "UNVEIL_PT_stages", "UNVEIL_PT_work"]
 
@@ -30,7 +30,7 @@ ICONS = {"to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale
 
 
 class UNVEIL_PT_work(Section, bpy.types.Panel):
-    """The button, and what the job tells: above everything else, so that it is always in sight."""
+    """How it stands, the next step, and what a job tells: above everything else, so that it is always in sight."""
 
     bl_idname = "UNVEIL_PT_work"
     bl_label = "Unveil"
@@ -41,16 +41,21 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         if session.busy:
             self._progress(context)
         else:
+            step = next_step(context)
+            self.layout.label(text=step.said, icon=step.icon)
             row = self.layout.row()
             row.scale_y = 1.6
-            row.enabled = bool(context.scene.unveil.drive)
-            row.operator("unveil.run", icon="PLAY")
-            if shown_drive(context.scene) is not None:
-                self.layout.operator("unveil.preview", icon="HIDE_OFF")
-            if _has_results(context):
+            button = row.operator(step.operator, text=step.text, icon=step.sign)
+            for name, value in step.options.items():
+                setattr(button, name, value)
+            if step.operator == "unveil.run" and shown_drive(context.scene) is not None:
                 row = self.layout.row(align=True)
-                row.scale_y = 1.2
-                row.prop(context.scene.unveil_view, "state", expand=True)
+                row.operator("unveil.preview", icon="HIDE_OFF")
+                row.operator("unveil.what_goes", text="What Goes", icon="PRESET")
+        if _has_results(context):
+            row = self.layout.row(align=True)
+            row.scale_y = 1.2
+            row.prop(context.scene.unveil_view, "state", expand=True)
         self._outcome(context)
 
     def _progress(self, context: bpy.types.Context) -> None:
@@ -58,12 +63,10 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         if state is None or job is None:
             return
         box = self.layout.box()
-        said = stage_line(state)
-        box.label(text=said if session.title in (said, "Unveil") else f"{session.title}: {said}")
-        box.progress(factor=state.fraction, text=f"{100 * state.fraction:.0f} %")
-        column = box.column(align=True)
-        for line in progress_lines(state):  # two, also where they are empty: what is below keeps its place
-            column.label(text=line)
+        box.label(text=f"{session.title}: {progress.stage_said(state)}")
+        part = progress.whole(state, session.age_s)
+        left = progress.time_left(state)
+        box.progress(factor=part, text=f"{100 * part:.0f} %" + (f", {left}" if left else ""))
         if session.waiting:
             box.label(text=f"Results wait for {session.waiting}", icon="INFO")
         row = box.row()
@@ -83,9 +86,8 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
                 column.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
         elif state is not None and state.status == "cancelled":
             self.layout.label(text="Cancelled; start again to go on", icon="INFO")
-        elif state is not None and state.status == "done":
-            self.layout.label(text=f"{session.title}: done in {duration(session.took_s)}", icon="CHECKMARK")
-        if (state is not None or logs.log_text() is not None) and not session.busy:
+        ended = state is not None and not session.busy
+        if ended and (state.error or not _has_results(context)):
             self.layout.operator("unveil.show_log", icon="TEXT")
 
 
@@ -93,8 +95,9 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
     """Settings and work."""
 
     bl_idname = "UNVEIL_PT_run"
-    bl_label = "Run"
+    bl_label = "Unveil"
     bl_order = 3
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

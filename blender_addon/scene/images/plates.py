@@ -22,6 +22,7 @@ KINDS: tuple[tuple[str, str, str], ...] = (
     ("render", "Empty scene", "The empty 3D scene, rendered"),
     ("inpainted", "Inpainted", "What was inpainted in the keyframes, carried to all frames"),
     ("regions", "Regions", "Blue: seen here, green: seen from other views, red: never seen"),
+    ("provenance", "Origins", "Blue: relit, green: seen in other frames, yellow: continued from beside, red: made up"),
     ("removed", "Removed", "Mask of removed objects"),
     ("shadows", "Shadows", "Mask of shadows that are removed with them"),
     ("unobserved", "Unobserved", "Mask of what no frame has seen"),

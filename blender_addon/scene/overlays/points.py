@@ -59,17 +59,26 @@ def shown_points(context: bpy.types.Context) -> bpy.types.Object | None:
         return None
     collection = view.shown_drive(scene)
     thing = None if collection is None else blocks.find(bpy.data.objects, blocks.drive_of(collection), "points")
-    return thing if thing is not None and thing.visible_get() else None
+    if thing is None or not any(_is_visible(context.view_layer.layer_collection, c) for c in thing.users_collection):
+        return None
+    return thing
+
+
+def _is_visible(layer: bpy.types.LayerCollection, collection: bpy.types.Collection) -> bool:
+    """Whether the view layer shows a collection: the object itself is hidden, so that Blender does not draw it, too."""
+    if layer.collection == collection:
+        return bool(layer.is_visible)
+    return any(_is_visible(child, collection) for child in layer.children)
 
 
 def arrays_of(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 3) places and (N, 4) colours, sRGB from 0 to 1, of the points of a mesh; its active colours."""
+    """(N, 3) places and (N, 4) colours, linear from 0 to 1, of the points of a mesh; its active colours."""
     places = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.attributes["position"].data.foreach_get("vector", places)
     tones = np.ones(4 * len(mesh.vertices), np.float32)
     active = mesh.color_attributes.active_color
     if active is not None:
-        active.data.foreach_get("color_srgb", tones)
+        active.data.foreach_get("color", tones)  # what is drawn is encoded by the view
     return places.reshape(-1, 3), tones.reshape(-1, 4)
 
 

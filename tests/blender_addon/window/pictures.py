@@ -82,9 +82,7 @@ def main() -> int:
         ready(window, given.extension.absolute(), python)
         window.tell("bpy.data.batch_remove(bpy.data.objects)")
         window.tell(f"bpy.ops.unveil.load_workspace(directory={str(given.workspace.absolute())!r})")
-        window.tell(
-            f"scene = bpy.context.scene; scene.frame_set({given.frame}); scene.unveil_selection.show_boxes = False"
-        )
+        window.tell(f"scene = bpy.context.scene; scene.frame_set({given.frame}); scene.unveil_selection.boxes = 'NONE'")
         window.tell(PICTURE_ALONE)
         left, top, right, bottom = window.ask("rectangle('VIEW_3D', 'WINDOW')")
         window.tell("module('scene.drive_scene')._fill(area_of('VIEW_3D')[1], *scene.camera['unveil_size'])")
