@@ -52,7 +52,7 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
     """Look for the Python that has unveil; tell its versions, this machine, and what to do about what is wrong"""
 
     bl_idname = "unveil.check_python"
-    bl_label = "Check"
+    bl_label = "Check Python"
 
     _looking: Thorough | None = None
 
@@ -82,7 +82,7 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
         if found is None:
             chosen = preferences(context)
             named = chosen.python if chosen else ""
-            problem = f"{named}: there is no such Python" if named else "No Python was found: press Create environment"
+            problem = f"{named}: there is no such Python" if named else "No Python was found: press Install"
             if lies_beside_files(named):
                 problem = f"{named}: leads to another place with each file: name the whole path of a Python"
             self.report({"ERROR"}, problem)
@@ -110,7 +110,7 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
     """Make a Python environment in the extension's user folder and install unveil into it (2 GB of disk, more with CUDA)"""
 
     bl_idname = "unveil.create_environment"
-    bl_label = "Create environment"
+    bl_label = "Install"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -9,7 +9,8 @@ import bpy
 
 from ... import __package__ as ADDON
 from ...choice import selection
-from . import report_lines, status_bar
+from .. import status_bar
+from . import report_lines
 
 __all__: list[str] = []
 

@@ -123,7 +123,7 @@ def progress_lines(state: JobState) -> tuple[str, str]:
 def _interpreter(context: bpy.types.Context) -> Path:
     found = unveil_interpreter(context)
     if found is None:
-        raise UserError("No Python with unveil was found: open the add-on's preferences and press Create environment")
+        raise UserError("No Python with unveil was found: open the add-on's preferences and press Install")
     if not found.ok:
         raise UserError(found.problem)
     return found.python

@@ -239,24 +239,28 @@ def test_opening_a_file_ends_the_job_before(addon, empty, tmp_path) -> None:
     assert not session.busy and not job.state.running and session.last is None
 
 
-def test_the_panel_draws_in_every_state(addon, empty) -> None:
+def test_the_panel_draws_in_every_state(addon, empty, monkeypatch) -> None:
     """With a layout that records: drawing needs no window."""
     import bpy
 
     panel_run, next_step = addon.module("ui.panel_run"), addon.module("ui.next_step")
     session = addon.module("worker.session").session
     job_state = addon.module("worker.job_state")
+    assert {"unveil.import_drive", "Footage Chosen"} <= set(drawn(panel_run.UNVEIL_PT_work))
+    named, empty.unveil.drive = empty.unveil.drive, ""
     assert {"unveil.open_drive", "Nothing Imported Yet"} <= set(drawn(panel_run.UNVEIL_PT_work))
-    bpy.context.scene.unveil.drive = "/somewhere/transforms.json"
-    assert next_step.next_step(bpy.context).operator == "unveil.import_drive"
-    bpy.context.scene.unveil.drive = ""
+    empty.unveil.drive = named
+    python_state = addon.module("ui.telling.python_state")
+    monkeypatch.setattr(python_state, "is_missing", lambda context: True)
+    assert next_step.next_step(bpy.context).operator == "unveil.show_preferences"
+    monkeypatch.undo()
     assert "There is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
     session.last = job_state.JobState(
         status="failed", error="frames/03.png: is cut short (copy it again from its source)"
     )
     try:
         assert "cut short" in " ".join(drawn(panel_run.UNVEIL_PT_work))
-        status = addon.module("ui.telling.status_bar")
+        status = addon.module("ui.status_bar")
         assert status.told() == (session.last.error, "ERROR")
         assert bpy.ops.unveil.dismiss() == {"FINISHED"} and status.told() == ("", "")
     finally:
@@ -278,6 +282,8 @@ def test_the_panel_draws_in_every_state(addon, empty) -> None:
         session.job.started -= 300
         session.last.read('{"stage": "mesh", "done": 4, "total": 8, "message": "", "left_s": 100}')
         assert drawn(panel_run.UNVEIL_PT_work)[1] == "75 %, 1 min 40 s left"
+        part, text = addon.module("ui.status_bar").status_text()
+        assert abs(part - 0.75) < 0.01 and text == "a sleep: Mesh (2 of 2)  ·  1 min 40 s left"
     finally:
         session.end()
         session.last = None

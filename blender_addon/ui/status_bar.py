@@ -7,13 +7,15 @@ from typing import Any
 
 import bpy
 
-from ...scene import versions
-from ...worker.session import session
-from . import progress
+from ..scene import versions
+from ..worker.session import session
+from .telling import progress
 
-__all__ = ["told"]
+__all__ = ["dismiss", "status_text", "told"]
 
 EVERY_S = 0.5
+WIDTH = 18.0
+"""Of the bar, in Blender's units of a button's height."""
 LONGEST = 90
 """Characters of an outcome: the bar is one line."""
 _drawn: object = None
@@ -36,17 +38,28 @@ def dismiss() -> None:
     _dismissed = id(session.last)
 
 
+def status_text() -> tuple[float, str]:
+    """How far the job is, 0 to 1, and a line: what runs, and how long it still takes."""
+    state = session.last
+    if state is None:
+        return 0.0, session.title
+    left = progress.time_left(state)
+    last = f"results wait for {session.waiting}" if session.waiting else left
+    line = f"{session.title}: {progress.stage_said(state)}"
+    return progress.whole(state, session.age_s), "  ·  ".join(part for part in (line, last) if part)
+
+
 def _draw(self: Any, context: bpy.types.Context) -> None:
     state, job = session.last, session.job
     row = self.layout.row(align=True)
-    if session.busy and state is not None and job is not None:
-        part = progress.whole(state, session.age_s)
-        row.label(text=f"{session.title}: {progress.stage_said(state)}")
+    if job is not None and state is not None:
+        part, text = status_text()
         bar = row.row()
-        bar.ui_units_x = 7
-        bar.progress(factor=part, text=f"{100 * part:.0f} %")
-        row.label(text=progress.time_left(state))
-        row.operator("unveil.cancel", text="", icon="CANCEL")
+        bar.ui_units_x = WIDTH
+        bar.progress(factor=part, text=text)
+        button = row.row()
+        button.enabled = not job.cancelling and state.running
+        button.operator("unveil.cancel", text="", icon="CANCEL")
         return
     text, icon = told()
     if text:
@@ -61,8 +74,8 @@ def _tick() -> float:
     state = session.last
     drawn: object = told()
     if session.busy and state is not None:
-        part = progress.whole(state, session.age_s)
-        drawn = progress.stage_said(state), round(part, 2), int(state.seconds_left() or 0) // 5
+        part, _ = status_text()
+        drawn = progress.stage_said(state), round(part, 2), int(state.seconds_left() or 0) // 5, session.waiting
     if drawn != _drawn:
         _drawn = drawn
         for window in bpy.context.window_manager.windows:
@@ -71,7 +84,7 @@ def _tick() -> float:
 
 
 def register() -> None:
-    bpy.types.STATUSBAR_HT_header.append(_draw)
+    bpy.types.STATUSBAR_HT_header.prepend(_draw)
     if versions.has_window():
         bpy.app.timers.register(_tick, first_interval=EVERY_S, persistent=True)
 
