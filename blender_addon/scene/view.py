@@ -80,7 +80,7 @@ class UnveilView(bpy.types.PropertyGroup):
     )
     points: EnumProperty(
         name="Point Color",
-        items=(("COLOUR", "Photographed", "As photographed"), ("CLASS", "Class", "By their semantic class")),
+        items=(("COLOUR", "Photo", "As photographed"), ("CLASS", "Class", "By their semantic class")),
         default="COLOUR",
         update=_changed,
     )

@@ -26,6 +26,17 @@ READING = ("read", "place")
 SAID = {"stale": "out of date"}
 MOST_LINES = 6
 """Of an error: a longer one would push everything else out of sight."""
+SHORT = {
+    "movers": "Moving",
+    "scale": "Units/Metre",
+    "camera_height": "Camera Up (m)",
+    "reference_inpainter": "By Reference",
+    "pose_convention": "Poses As",
+    "instance_maps": "Instances",
+    "label_classes": "Label Set",
+    "model": "COLMAP",
+}
+"""Names that the sidebar has room for, where those of the settings are too long for it."""
 ICONS = {"to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale": "FILE_REFRESH", "failed": "ERROR"}
 
 
@@ -171,7 +182,7 @@ class UNVEIL_PT_stages(Section, bpy.types.Panel):
 def _settings(column: bpy.types.UILayout, settings: Any, shown: Sequence[RunSetting]) -> None:
     """A row for each; the sun below the shadows where it is given."""
     for setting in shown:
-        column.prop(settings, setting.name)
+        column.prop(settings, setting.name, text=SHORT.get(setting.name, setting.label))
         if setting.shape == "sun" and settings.shadows == "given":
             for name in SUN:
                 column.prop(settings, name)

@@ -12,7 +12,7 @@ from ..choice import box_gizmos, selection
 from ..choice.quick import filters
 from ..scene import drive_scene
 from . import previews
-from .panels import Section
+from .panels import Section, split
 
 __all__ = ["UNVEIL_PT_classes", "UNVEIL_PT_selection", "measures", "summary"]
 
@@ -177,10 +177,10 @@ def _filter(column: bpy.types.UILayout, listed: selection.UnveilSelection) -> No
     row.prop(wanted, "sort", text="")
     row.prop(wanted, "reverse", text="", icon="SORT_DESC" if wanted.reverse else "SORT_ASC")
     column.prop_search(wanted, "class_name", listed, "classes", text="", icon="OUTLINER_OB_GROUP_INSTANCE")
-    row = column.row(align=True)
-    row.prop(wanted, "smallest", text="Size")
-    row.prop(wanted, "farthest", text="Within")
-    row.prop(wanted, "fewest", text="Frames")
+    told = split(column)
+    told.prop(wanted, "smallest", text="Size from (m)")
+    told.prop(wanted, "farthest", text="Within (m)")
+    told.prop(wanted, "fewest", text="Frames from")
     row = column.row(align=True)
     row.operator("unveil.choose_shown", text="Remove Shown").chosen = True
     row.operator("unveil.choose_shown", text="Keep Shown").chosen = False

@@ -26,7 +26,7 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
     """Import the drive into its workspace, and list the objects that could be removed"""
 
     bl_idname = "unveil.import_drive"
-    bl_label = "Import drive"
+    bl_label = "Import Drive"
 
     filepath: StringProperty(
         name="Drive", subtype="FILE_PATH", description="Empty: the scene's", options={"SKIP_SAVE", "HIDDEN"}
@@ -101,7 +101,7 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
     """Import a street drive: a transforms.json, or the folder of any drive that unveil knows"""
 
     bl_idname = "unveil.open_drive"
-    bl_label = "Import street drive"
+    bl_label = "Import Street Drive"
 
     filename_ext = ""
     filter_glob: StringProperty(default="*.json;*.bin;*.txt", options={"HIDDEN"})

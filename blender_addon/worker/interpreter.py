@@ -36,7 +36,7 @@ print(json.dumps(found))
 LITTLE_MEMORY_GB, LITTLE_DISK_GB = 8, 5
 """Below these *Check* advises. docs/benchmarks.md has a run of 200 frames of 1920x1080 that takes 4.2 GB of memory and 0.9 GB of
 disk, and an environment takes 2 GB; the rest of the machine wants some, too."""
-MEND = "press Install, or name another Python above"
+MEND = "press Install, or name another Python under Advanced"
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Found:
         if _less(facts, "memory_gb", LITTLE_MEMORY_GB):
             said.append("Little memory: choose Draft, or a part of the drive in Frames")
         if _less(facts, "work_free_gb", LITTLE_DISK_GB):
-            said.append("Little free disk: make room, or choose another Workspace before you import")
+            said.append("Little free disk: make room, or choose another Results Folder before you import")
         return said
 
 

@@ -17,9 +17,9 @@ __all__ = ["KINDS", "files_of", "kinds_of", "reload_changed", "set_color_space",
 
 KINDS: tuple[tuple[str, str, str], ...] = (
     ("original", "Photographs", "The drive's own pictures"),
-    ("clean", "Clean frames", "The delivery: the empty street where something was removed"),
+    ("clean", "Clean Frames", "The delivery: the empty street where something was removed"),
     ("preview", "Preview", "The frames that were tried at draft quality"),
-    ("render", "Empty scene", "The empty 3D scene, rendered"),
+    ("render", "Empty Scene", "The empty 3D scene, rendered"),
     ("inpainted", "Inpainted", "What was inpainted in the keyframes, carried to all frames"),
     ("regions", "Regions", "Blue: seen here, green: seen from other views, red: never seen"),
     ("provenance", "Origins", "Blue: relit, green: seen in other frames, yellow: continued from beside, red: made up"),

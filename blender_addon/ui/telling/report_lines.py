@@ -8,8 +8,10 @@ from pathlib import Path
 import bpy
 
 from ...choice import selection
-from ...formats.figures.doubts import read_doubts
+from ...formats.drive_files import read_drive
+from ...formats.figures.doubts import DoubtfulFrame, read_doubts
 from ...formats.files import one_line
+from ...formats.timeline import timeline_of
 from ...scene import blocks, drive_scene
 from ...worker.job_state import duration
 from ...worker.session import session
@@ -49,9 +51,24 @@ def lines_of(context: bpy.types.Context) -> list[tuple[str, str]]:
             found.append(("Seen in Other Frames", f"{100 * told.seen:.0f} % of them"))
             found.append(("Made Up", f"{100 * (1 - told.seen):.0f} % of them"))
         if told.frames:
-            found.append(("Most Doubtful", ", ".join(f.name for f in told.worst_first()[:3])))
+            found.append(("Most Doubtful", _frames(scene, workspace, told.worst_first()[:3])))
         found.append(("Results", str(workspace)))
     return found
+
+
+def _frames(scene: bpy.types.Scene, workspace: Path, frames: list[DoubtfulFrame]) -> str:
+    """Frames by the numbers of the timeline, with their cameras where there are several."""
+    try:
+        drive = read_drive(workspace)
+    except (OSError, ValueError):
+        return ", ".join(f.name for f in frames)
+    timeline, found = timeline_of(drive, scene.unveil.start_frame), []
+    for frame in frames:
+        names = [f.name for f in drive.tracks.get(frame.track, ())]
+        if frame.name in names:
+            camera = f" ({frame.track})" if len(drive.tracks) > 1 else ""
+            found.append(f"{timeline.frames[frame.track][names.index(frame.name)]}{camera}")
+    return ", ".join(found)
 
 
 def what_goes(scene: bpy.types.Scene) -> list[tuple[str, str, str, str]]:
@@ -70,8 +87,7 @@ def what_goes(scene: bpy.types.Scene) -> list[tuple[str, str, str, str]]:
                 str(thing.frames or ""),
             )
         )
-    alone = [c for c in listed.classes if c.alone]
-    found += [(f"Every {c.name}", "", "", "") for c in alone]
+    found += [(f"Every {c.name}", "", "", "") for c in listed.classes if c.alone and not c.objects]
     if len(goes) > MOST_ROWS:
         found.append((f"And {len(goes) - MOST_ROWS} more", "", "", ""))
     return found

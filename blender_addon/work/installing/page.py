@@ -43,6 +43,8 @@ def draw(layout: Any, chosen: Any, found: Found | None, *, looking: bool, may_in
         chosen: the add-on's preferences; the others as :func:`state_of`.
         may_install: whether there is a way to install as things stand.
     """
+    if found is not None and not found.ok and not chosen.python and not found.facts.get("unveil"):
+        found = None  # any Python of the system: nobody has named it, and it never had unveil
     said, icon = state_of(found, looking)
     layout.label(text=said, icon=icon)
     if session.busy and session.last is not None and session.last.stage == "environment":
