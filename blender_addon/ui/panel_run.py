@@ -126,6 +126,10 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         if settings.show_more:
             column.prop(settings, "preview_frames")
             _settings(column, settings, ADVANCED)
+        if not session.busy and next_step(context).operator != "unveil.run":  # which has it above
+            row = layout.row(align=True)
+            row.operator("unveil.run", icon="PLAY")
+            row.operator("unveil.preview", icon="HIDE_OFF")
         found = stage_states(scene)
         if found is not None and found.problem:
             layout.label(text=found.problem, icon="INFO")
