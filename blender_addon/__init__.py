@@ -20,6 +20,7 @@ MODULES = (
     "scene.overlays.points",
     "scene.overlays.compared",
     "scene.overlays.drawn_pictures",
+    "scene.overlays.wipe_gizmo",
     "scene.cg.operators_cg",
     "choice.fixes",
     "choice.quick.filters",

@@ -97,8 +97,7 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
                 column.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
         elif state is not None and state.status == "cancelled":
             self.layout.label(text="Cancelled; start again to go on", icon="INFO")
-        ended = state is not None and not session.busy
-        if ended and (state.error or not _has_results(context)):
+        if state is not None and not session.busy and state.error:
             self.layout.operator("unveil.show_log", icon="TEXT")
 
 

@@ -3,9 +3,14 @@
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
+from pathlib import Path
+
 import bpy
 from bpy.props import BoolProperty
 
+from ...formats.object_files import found_sun
 from .. import blocks, cameras, drive_scene, view
 from . import aside, catcher, plate_nodes
 
@@ -28,7 +33,7 @@ class UNVEIL_OT_set_up_cg(bpy.types.Operator):
     sun: BoolProperty(
         name="Add a Sun",
         default=True,
-        description="Add a sun, from the direction of the shadow settings, where the scene has no light",
+        description="Add a sun where the scene has no light: from where the footage has it, else from the shadow settings",
     )
 
     @classmethod
@@ -65,13 +70,21 @@ class UNVEIL_OT_set_up_cg(bpy.types.Operator):
             catcher.catch(mark, mesh)
             scene.render.engine = "CYCLES"
         if self.sun and self.shadows:
-            settings = scene.unveil
-            catcher.add_sun(scene, collection, settings.sun_azimuth, settings.sun_elevation)
+            catcher.add_sun(scene, collection, *_sun(scene, collection))
         collection[view.CG] = True
         view.apply(scene)
         without = "" if mesh is not None else "; there is no mesh yet, so no shadows fall on the street"
         self.report({"INFO"}, f"F12 renders your objects over the clean plate of {camera.name}{without}")
         return {"FINISHED"}
+
+
+def _sun(scene: bpy.types.Scene, collection: bpy.types.Collection) -> tuple[float, float]:
+    """Azimuth and elevation of the sun that the results went by, radians; those of the settings where they tell none."""
+    with suppress(OSError, ValueError):  # the results are loaded: whatever is wrong with that file was told
+        found = found_sun(Path(blocks.workspace_of(collection)))
+        if found is not None and 0 < found[1] <= 90:
+            return math.radians(found[0]), math.radians(found[1])
+    return scene.unveil.sun_azimuth, scene.unveil.sun_elevation
 
 
 def _is_clean(plate: bpy.types.CameraBackgroundImage) -> bool:

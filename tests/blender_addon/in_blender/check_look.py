@@ -54,6 +54,13 @@ def test_two_pictures_of_a_frame_are_compared(addon, street_scene, workspace: Pa
     assert len([i for i in bpy.data.images if i.name.startswith("Unveil Compare")]) == 2
 
 
+def test_the_line_of_a_wipe_is_dragged(addon) -> None:
+    wipe, frame = addon.module("scene.overlays.wipe_gizmo"), (100.0, 50.0, 300.0, 150.0)
+    assert wipe.is_on_line((205, 60), frame, 0.5, 8) and not wipe.is_on_line((210, 60), frame, 0.5, 8)
+    assert not wipe.is_on_line((200, 40), frame, 0.5, 8)  # above and below the picture there is no line
+    assert [wipe.share_at(x, frame) for x in (0, 100, 250, 999)] == [0.0, 0.0, 0.75, 1.0]
+
+
 def test_the_most_doubtful_frames_come_first(addon, street_scene, workspace: Path, capfd) -> None:
     import bpy
 
