@@ -6,9 +6,11 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from .. import blocks
+
 __all__ = ["put_aside"]
 
-NAME = "Set Aside"
+NAME, ROLE = "Set Aside", "aside"
 FACTORY = {
     "Cube": ("MESH", (0.0, 0.0, 0.0)),
     "Light": ("LIGHT", (4.076, 1.005, 5.904)),
@@ -23,11 +25,15 @@ def put_aside(scene: bpy.types.Scene) -> list[str]:
 
     What was moved, renamed, animated, linked or modified is the artist's, and stays.
     """
-    found = [thing for thing in scene.collection.all_objects if _is_untouched(thing)]
+    aside = next((c for c in scene.collection.children if c.get(blocks.ROLE) == ROLE and blocks.is_own(c)), None)
+    there = set() if aside is None else set(aside.objects)
+    found = [thing for thing in scene.collection.all_objects if thing not in there and _is_untouched(thing)]
     if not found:
         return []
-    aside = bpy.data.collections.new(NAME)
-    scene.collection.children.link(aside)
+    if aside is None:
+        aside = bpy.data.collections.new(NAME)
+        aside[blocks.ROLE] = ROLE
+        scene.collection.children.link(aside)
     for thing in found:
         for collection in list(thing.users_collection):
             collection.objects.unlink(thing)

@@ -9,11 +9,13 @@ import bpy
 
 from .. import blocks
 
-__all__ = ["add_sun", "catch"]
+__all__ = ["add_sky", "add_sun", "catch"]
 
 SUN = "cg:sun"
 STRENGTH, ANGLE = 3.0, math.radians(0.53)
 """W/m², and the angle that the sun is wide."""
+FACTORY_SKY, SKY = 0.0509, (0.20, 0.24, 0.30, 1.0)
+"""What a new file has, in which a shadow is black; and what makes it a third as bright as the sunlit street."""
 
 
 def catch(mark: str, thing: bpy.types.Object) -> None:
@@ -65,3 +67,16 @@ def add_sun(
     thing.rotation_mode = "XYZ"
     thing.rotation_euler = (math.pi / 2 - elevation, 0.0, math.pi - azimuth)
     return thing
+
+
+def add_sky(scene: bpy.types.Scene) -> bool:
+    """Brighten the world of a new file, where nobody has touched it; returns whether that was done."""
+    tree = None if scene.world is None or not blocks.is_own(scene.world) else scene.world.node_tree
+    nodes = [] if tree is None else [n for n in tree.nodes if n.type == "BACKGROUND"]
+    if len(nodes) != 1 or nodes[0].inputs["Color"].is_linked or nodes[0].inputs["Strength"].default_value != 1.0:
+        return False
+    color = nodes[0].inputs["Color"]
+    if any(abs(v - FACTORY_SKY) > 1e-3 for v in color.default_value[:3]):
+        return False
+    color.default_value = SKY
+    return True

@@ -31,9 +31,9 @@ class UNVEIL_OT_set_up_cg(bpy.types.Operator):
         description="Render with Cycles, which lets the street's mesh take shadows; off: the render engine stays",
     )
     sun: BoolProperty(
-        name="Add a Sun",
+        name="Add Sun and Sky",
         default=True,
-        description="Add a sun where the scene has no light: from where the footage has it, else from the shadow settings",
+        description="Where the scene has no light: a sun from where the footage has it, else from the shadow settings, and a sky",
     )
 
     @classmethod
@@ -70,7 +70,9 @@ class UNVEIL_OT_set_up_cg(bpy.types.Operator):
             catcher.catch(mark, mesh)
             scene.render.engine = "CYCLES"
         if self.sun and self.shadows:
-            catcher.add_sun(scene, collection, *_sun(scene, collection))
+            lit = catcher.add_sun(scene, collection, *_sun(scene, collection))
+            if lit is not None:
+                catcher.add_sky(scene)
         collection[view.CG] = True
         view.apply(scene)
         without = "" if mesh is not None else "; there is no mesh yet, so no shadows fall on the street"

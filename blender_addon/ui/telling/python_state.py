@@ -62,6 +62,9 @@ def _look() -> float | None:
         return LOOK_S
     if _looking.is_alive():
         return LOOK_S
+    if _looking.named != _named(bpy.context):  # another was named meanwhile
+        _looking = None
+        return LOOK_S
     _looked_for = _looking.named
     if _looking.found is not None:
         preferences.remember(bpy.context, _looking.found)

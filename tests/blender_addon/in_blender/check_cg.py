@@ -40,6 +40,8 @@ def test_a_new_files_cube_light_and_camera_are_put_aside(addon, workspace: Path)
     assert "Light" in seen and not {"Cube", "Camera"} & seen
     assert {o.name for o in bpy.data.collections["Set Aside"].objects} == {"Cube", "Camera"}
     assert scene.camera["unveil_track"] == "camera"
+    assert addon.module("scene.cg.aside").put_aside(scene) == []  # once
+    assert sum(c.name.startswith("Set Aside") for c in bpy.data.collections) == 1
     scene = new_file()
     scene.unveil.set_up_scene = False
     bpy.ops.unveil.load_workspace(directory=str(workspace))
@@ -61,6 +63,7 @@ def test_the_render_is_the_car_in_the_empty_street(addon, workspace: Path, tmp_p
     camera = scene.camera
     ahead = camera.matrix_world @ Vector((0, 0, -6))
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=ahead)
+    next(o for o in scene.objects if o.type == "LIGHT").rotation_euler = (0.6, 0.0, 0.0)
     car = bpy.context.object
     material = bpy.data.materials.new("Car")
     material.use_nodes = True
@@ -79,6 +82,8 @@ def test_the_render_is_the_car_in_the_empty_street(addon, workspace: Path, tmp_p
     middle = shot[height // 2 - 3 : height // 2 + 3, width // 2 - 3 : width // 2 + 3].mean(axis=(0, 1))
     assert middle[0] > 2 * middle[1]  # the car is there, and red
     assert np.median(off[: height // 4]) < 2.5  # above it the plate is as it was delivered
+    darker = (clean - shot).min(axis=2) > 10
+    assert darker[height // 2 :].sum() > 20  # its shadow lies on the street, which is not drawn itself
     # Once more changes nothing, and what is built by hand stays.
     tree = addon.module("scene.versions").compositor_of(scene)
     before = {n.name for n in tree.nodes}
@@ -104,6 +109,19 @@ def test_what_the_compositor_has_stays_above_the_plate(addon, scene, workspace: 
     assert above.links[0].from_node == blur and below.links[0].from_node.bl_idname == "CompositorNodeScale"
     assert scene.render.engine != "CYCLES" and not bpy.data.objects["Mesh after"].is_shadow_catcher
     assert not [o for o in scene.objects if o.type == "LIGHT"]
+
+
+def test_the_sky_is_brightened_where_nobody_has_touched_it(addon, workspace: Path) -> None:
+    import bpy
+
+    add_sky = addon.module("scene.cg.catcher").add_sky
+    scene = new_file()
+    color = next(n for n in scene.world.node_tree.nodes if n.type == "BACKGROUND").inputs["Color"]
+    assert add_sky(scene) and color.default_value[2] > 0.25
+    color.default_value = (1.0, 0.0, 0.0, 1.0)
+    assert not add_sky(scene) and tuple(color.default_value) == (1.0, 0.0, 0.0, 1.0)
+    scene.world = None
+    assert not add_sky(scene)
 
 
 @pytest.mark.parametrize("found", [None, (225.75, 56.5)])
