@@ -31,6 +31,7 @@ MODULES = (
     "choice.quick.operators_quick",
     "choice.fixing.operators_doubts",
     "choice.fixing.operators_clone",
+    "choice.fixing.operators_versions",
     "choice.tool",
     "work.preferences",
     "work.job.following",

@@ -17,7 +17,7 @@ from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
 from ..formats.timeline import Timeline
 from . import blocks, drive_scene, meshes, splat_clouds, versions, view
-from .images import plates, preview
+from .images import plates, preview, versions_kept
 
 __all__ = ["FOLDERS", "load", "load_mesh"]
 
@@ -60,6 +60,7 @@ def load(context: bpy.types.Context, placed: drive_scene.Placed, drive: Imported
         if scene.unveil.set_up_scene:
             _strips(context, camera, mark, drive, timeline)
     _keyframes(scene, mark, drive, timeline)
+    collection[versions_kept.KEPT] = versions_kept.numbers_in(drive.workspace)
     collection[view.FIGURES] = file_stamp(drive.workspace / "metrics.json")
     for state in STATES:
         found += load_mesh(collection, drive, state)

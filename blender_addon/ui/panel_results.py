@@ -7,12 +7,14 @@ import bpy
 
 from ..formats import sequences
 from ..scene import versions, view
-from ..scene.images import preview
+from ..scene.images import preview, versions_kept
 from . import previews
 from .panels import Section, split
 
 __all__ = ["UNVEIL_PT_points", "UNVEIL_PT_results"]
 
+MOST_VERSIONS = 6
+"""The latest have a button."""
 ORIGINS = ("Relit", "Other Frames", "Continued", "Made Up")
 """Of removed pixels, in the order of their colors."""
 
@@ -47,6 +49,7 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
             for text, color in zip(ORIGINS, sequences.ORIGIN_COLORS[1:], strict=True):
                 flow.label(text=text, icon_value=previews.plain_chip(text, [c / 255 for c in color]))
         column.prop(context.scene.unveil_selection, "boxes")
+        self._versions(context)
         tried = list(context.scene.camera.get(preview.TRIED, ())) if context.scene.camera is not None else []
         if shown.background == "preview" and tried:
             frames = "1 frame" if len(tried) == 1 else f"{len(tried)} frames"
@@ -56,6 +59,16 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
             detail = f"Full Detail: {mesh['unveil_triangles']:,} Triangles"
             layout.operator("unveil.full_detail", text=detail, depress=bool(mesh.get(view.FULL_DETAIL)))
         layout.operator("unveil.load_workspace", text="Reload Results", icon="FILE_REFRESH").ask = False
+
+    def _versions(self, context: bpy.types.Context) -> None:
+        collection = view.shown_drive(context.scene)
+        if collection is None or not collection.get("unveil_clean"):
+            return
+        kept = list(collection.get(versions_kept.KEPT, ()))
+        row = self.layout.row(align=True)
+        row.operator("unveil.keep_version", text="" if kept else "Keep This Version", icon="ADD")
+        for number in kept[-MOST_VERSIONS:]:
+            row.operator("unveil.compare_version", text=f"v{number}").number = number
 
 
 class UNVEIL_PT_points(Section, bpy.types.Panel):

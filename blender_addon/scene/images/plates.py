@@ -19,6 +19,7 @@ KINDS: tuple[tuple[str, str, str], ...] = (
     ("original", "Photographs", "The drive's own pictures"),
     ("clean", "Clean Frames", "The delivery: the empty street where something was removed"),
     ("preview", "Preview", "The frames that were tried at draft quality"),
+    ("kept", "Kept Version", "A result that was kept, to compare later ones with"),
     ("render", "Empty Scene", "The empty 3D scene, rendered"),
     ("inpainted", "Inpainted", "What was inpainted in the keyframes, carried to all frames"),
     ("regions", "Regions", "Blue: seen here, green: seen from other views, red: never seen"),

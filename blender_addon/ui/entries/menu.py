@@ -52,6 +52,8 @@ class UNVEIL_MT_look(bpy.types.Menu):
         layout.prop_menu_enum(shown, "compare")
         layout.prop_menu_enum(shown, "compare_with")
         layout.prop_menu_enum(shown, "background")
+        layout.operator("unveil.keep_version")
+        layout.operator("unveil.compare_version")
         layout.separator()
         for kind in ("POINTS", "MESH", *(("SPLATS",) if versions.has_native_splats() else ())):
             layout.prop_enum(shown, "shown", kind)

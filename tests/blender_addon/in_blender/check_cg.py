@@ -112,7 +112,6 @@ def test_what_the_compositor_has_stays_above_the_plate(addon, scene, workspace: 
 
 
 def test_the_sky_is_brightened_where_nobody_has_touched_it(addon, workspace: Path) -> None:
-    import bpy
 
     add_sky = addon.module("scene.cg.catcher").add_sky
     scene = new_file()

@@ -54,6 +54,31 @@ def test_two_pictures_of_a_frame_are_compared(addon, street_scene, workspace: Pa
     assert len([i for i in bpy.data.images if i.name.startswith("Unveil Compare")]) == 2
 
 
+def test_versions_are_kept_side_by_side(addon, street_scene, workspace: Path) -> None:
+    import bpy
+
+    compared = addon.module("scene.overlays.compared")
+    with pytest.raises(RuntimeError, match="poll"):
+        bpy.ops.unveil.compare_version()
+    first = sorted((workspace / "frames/camera").glob("*.png"))
+    before = first[1].read_bytes()
+    assert bpy.ops.unveil.keep_version() == {"FINISHED"}
+    first[1].write_bytes(first[0].read_bytes())  # another result
+    bpy.ops.unveil.load_workspace()
+    assert bpy.ops.unveil.keep_version() == {"FINISHED"}
+    street_scene.frame_set(street_scene.frame_start + 1)
+    for number, content in ((1, before), (2, first[0].read_bytes())):
+        assert bpy.ops.unveil.compare_version(number=number) == {"FINISHED"}
+        assert compared.kinds_compared(street_scene) == ("clean", "kept")
+        now, kept = compared.pictures_compared(street_scene)
+        assert Path(kept.filepath).read_bytes() == content
+        assert Path(now.filepath).read_bytes() == first[0].read_bytes()
+    with pytest.raises(RuntimeError, match="keeps no version 7"):
+        bpy.ops.unveil.compare_version(number=7)
+    said = drawn(addon.module("ui.panel_results").UNVEIL_PT_results)
+    assert {"v1", "v2"} <= set(said)
+
+
 def test_the_line_of_a_wipe_is_dragged(addon) -> None:
     wipe, frame = addon.module("scene.overlays.wipe_gizmo"), (100.0, 50.0, 300.0, 150.0)
     assert wipe.is_on_line((205, 60), frame, 0.5, 8) and not wipe.is_on_line((210, 60), frame, 0.5, 8)
@@ -159,7 +184,7 @@ def test_all_of_the_sidebar_is_in_the_menu(addon, street_scene) -> None:
         *("unveil.import_drive", "unveil.forget_fix", "unveil.go_to_fix", "unveil.cancel", "unveil.dismiss"),
     }
     assert there - rows <= menus and len(there) > 20
-    small = {"a", "an", "and", "as", "by", "for", "from", "in", "of", "or", "the", "through", "to", "without"}
+    small = {"a", "an", "and", "as", "by", "for", "from", "in", "of", "or", "the", "through", "to", "with", "without"}
     for name in sorted(there | menus):
         kind = getattr(bpy.ops.unveil, name.removeprefix("unveil.")).get_rna_type()
         assert kind.description, name

@@ -313,7 +313,7 @@ def drawn(panel) -> list[str]:  # type: ignore[no-untyped-def]
 
     said: list[str] = []
     stand_in = types.SimpleNamespace(layout=Recorder(said))
-    for name in ("_progress", "_outcome", "_stages", "_stage", "_active"):
+    for name in ("_progress", "_outcome", "_stages", "_stage", "_active", "_versions"):
         if hasattr(panel, name):
             setattr(stand_in, name, types.MethodType(getattr(panel, name), stand_in))
     panel.draw(stand_in, bpy.context)
