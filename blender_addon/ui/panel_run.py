@@ -74,7 +74,7 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         if state is None or job is None:
             return
         box = self.layout.box()
-        box.label(text=f"{session.title}: {progress.stage_said(state)}")
+        box.label(text=progress.job_said(state))
         part = progress.whole(state, session.age_s)
         left = progress.time_left(state)
         box.progress(factor=part, text=f"{100 * part:.0f} %" + (f", {left}" if left else ""))

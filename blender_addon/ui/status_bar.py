@@ -45,7 +45,7 @@ def status_text() -> tuple[float, str]:
         return 0.0, session.title
     left = progress.time_left(state)
     last = f"results wait for {session.waiting}" if session.waiting else left
-    line = f"{session.title}: {progress.stage_said(state)}"
+    line = progress.job_said(state)
     return progress.whole(state, session.age_s), "  ·  ".join(part for part in (line, last) if part)
 
 

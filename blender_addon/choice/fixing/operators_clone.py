@@ -60,8 +60,11 @@ class UNVEIL_OT_clone_from(bpy.types.Operator):
             image.filepath = file
             image.reload()
         paint = context.tool_settings.image_paint
-        paint.clone_image, paint.clone_alpha, paint.clone_offset = image, 0.5, (0.0, 0.0)
         _take_brush(context)
+        for holder in (paint, paint.brush):  # alpha and offset moved from the brush to the settings after 4.2
+            for name, value in (("clone_image", image), ("clone_alpha", 0.5), ("clone_offset", (0.0, 0.0))):
+                if holder is not None and name in holder.bl_rna.properties:
+                    setattr(holder, name, value)
         self.report({"INFO"}, "Paint with the Clone brush; drag its picture with the right button")
         return {"FINISHED"}
 

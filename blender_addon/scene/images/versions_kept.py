@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Versions of a result, kept as copies of its clean frames in ``blender/versions/`` of the workspace, to compare later ones with."""
+"""Versions of a result: copies of its clean frames in ``blender/versions/`` of the workspace, to compare later ones with."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from ...worker.job_state import JobState, duration
 from ...worker.session import session
 from ...worker.workspace_state import STAGES
 
-__all__ = ["outcome", "stage_said", "time_left", "whole"]
+__all__ = ["job_said", "outcome", "stage_said", "time_left", "whole"]
 
 ALMOST = 0.99
 """What has not ended is not full."""
@@ -40,6 +40,12 @@ def stage_said(state: JobState) -> str:
     """What it is at, for people."""
     name = STAGES.get(state.stage, state.stage.title()) or "Starting"
     return f"{name} ({state.place[0]} of {state.place[1]})" if state.place else name
+
+
+def job_said(state: JobState) -> str:
+    """The job and what it is at; once where both are the same."""
+    stage = stage_said(state)
+    return stage if session.title == stage else f"{session.title}: {stage}"
 
 
 def time_left(state: JobState) -> str:
