@@ -29,6 +29,7 @@ __all__ = [
     "show_in_sequencer",
     "strip_files",
     "strips_of",
+    "switch_compositor_on",
 ]
 
 
@@ -177,6 +178,16 @@ def scale_to_render(node: Any) -> None:
 
 def shown_compositor(scene: Any) -> Any:
     """The compositor's node tree of a scene as it is, None where there is none: drawing makes nothing."""
+    effects = getattr(scene, "compositor_effects", None)
+    if effects is not None:
+        return None if effects.active is None else effects.active.node_group
     if hasattr(scene, "compositing_node_group"):
         return scene.compositing_node_group
     return scene.node_tree
+
+
+def switch_compositor_on(scene: Any) -> None:
+    """Let a render go through the scene's compositor: up to 4.5 its tree may be there and be switched off."""
+    scene.render.use_compositing = True
+    if not hasattr(scene, "compositing_node_group"):
+        scene.use_nodes = True

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import ref
 
 import bpy
 
 from ..scene import versions
+from ..worker.job_state import JobState
 from ..worker.session import session
 from .telling import progress
 
@@ -19,14 +21,14 @@ WIDTH = 18.0
 LONGEST = 90
 """Characters of an outcome: the bar is one line."""
 _drawn: object = None
-_dismissed: int = 0
-"""The job whose outcome was read, by its state."""
+_dismissed: ref[JobState] | None = None
+"""The job whose outcome was read."""
 
 
 def told() -> tuple[str, str]:
     """What the bar says when nothing runs, and its icon; empty where that was read, or nothing has run."""
     state = session.last
-    if state is None or session.busy or id(state) == _dismissed:
+    if state is None or session.busy or (_dismissed is not None and _dismissed() is state):
         return "", ""
     text, icon = progress.outcome(state)
     return (text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"), icon
@@ -35,7 +37,7 @@ def told() -> tuple[str, str]:
 def dismiss() -> None:
     """Say no more of the latest job."""
     global _dismissed
-    _dismissed = id(session.last)
+    _dismissed = None if session.last is None else ref(session.last)
 
 
 def status_text() -> tuple[float, str]:
@@ -91,7 +93,7 @@ def register() -> None:
 
 def unregister() -> None:
     global _drawn, _dismissed
-    _drawn, _dismissed = None, 0
+    _drawn = _dismissed = None
     bpy.types.STATUSBAR_HT_header.remove(_draw)
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

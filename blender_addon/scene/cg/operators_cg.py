@@ -11,7 +11,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ...formats.object_files import found_sun
-from .. import blocks, cameras, drive_scene, view
+from .. import blocks, cameras, drive_scene, versions, view
 from . import aside, catcher, plate_nodes
 
 __all__: list[str] = []
@@ -61,7 +61,8 @@ class UNVEIL_OT_set_up_cg(bpy.types.Operator):
             return {"CANCELLED"}
         aside.put_aside(scene)
         cameras.fit_scene_to(scene, camera)
-        scene.render.film_transparent = scene.render.use_compositing = True
+        scene.render.film_transparent = True
+        versions.switch_compositor_on(scene)
         scene.render.use_sequencer = False
         scene.view_settings.view_transform = "Standard"
         scene.view_settings.look, scene.view_settings.exposure, scene.view_settings.gamma = "None", 0.0, 1.0

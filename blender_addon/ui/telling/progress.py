@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from weakref import ref
+
 from ...worker.job_state import JobState, duration
 from ...worker.session import session
 from ...worker.workspace_state import STAGES
@@ -11,8 +13,9 @@ __all__ = ["job_said", "outcome", "stage_said", "time_left", "whole"]
 
 ALMOST = 0.99
 """What has not ended is not full."""
-_furthest: tuple[int, float] = (0, 0.0)
-"""The job that was last asked for, and how far that was: no bar goes back."""
+_job: ref[JobState] | None = None
+_furthest = 0.0
+"""How far the job that was last asked for was: no bar goes back."""
 
 
 def whole(state: JobState, age_s: float) -> float:
@@ -21,7 +24,7 @@ def whole(state: JobState, age_s: float) -> float:
     Args:
         age_s: how long it has run.
     """
-    global _furthest
+    global _job, _furthest
     left = state.seconds_left() if state.run_left is not None else None
     if left is not None and age_s > 0:
         part = age_s / (age_s + left)
@@ -30,10 +33,9 @@ def whole(state: JobState, age_s: float) -> float:
         part = (number - 1 + state.fraction) / count
     else:
         part = state.fraction
-    job, furthest = _furthest
-    part = min(max(part, furthest if job == id(state) else 0.0), ALMOST)
-    _furthest = id(state), part
-    return part
+    same = _job is not None and _job() is state
+    _job, _furthest = ref(state), min(max(part, _furthest if same else 0.0), ALMOST)
+    return _furthest
 
 
 def stage_said(state: JobState) -> str:

@@ -103,7 +103,11 @@ def test_what_the_compositor_has_stays_above_the_plate(addon, scene, workspace: 
     rendered = next(n for n in tree.nodes if n.bl_idname == "CompositorNodeRLayers")
     tree.links.new(rendered.outputs["Image"], blur.inputs["Image"])
     tree.links.new(blur.outputs["Image"], result.inputs["Image"])
+    scene.render.use_compositing = False
+    if not hasattr(scene, "compositing_node_group"):
+        scene.use_nodes = False
     bpy.ops.unveil.set_up_cg(shadows=False)
+    assert scene.render.use_compositing and scene.use_nodes
     over = result.inputs["Image"].links[0].from_node
     below, above = versions.alpha_over_sockets(over)
     assert above.links[0].from_node == blur and below.links[0].from_node.bl_idname == "CompositorNodeScale"
