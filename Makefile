@@ -29,13 +29,15 @@ test-blender: $(VENV)/.installed-test $(BLENDERS:%=.venv-bpy-%/.installed)
 	$(if $(findstring 5.3,$(BLENDERS)),,@echo "There is no $(PYTHON_3_13): not tested under Blender 5.1 to 5.3.")
 	$(BIN)/python tests/blender_addon/run_in_blender.py $(BLENDERS:%=.venv-bpy-%/bin/python)
 
-# The artist's way through the add-on in a real window, and what must not cost work: see tests/blender_addon/window/.
+# The artist's way through the add-on in a real window, and what must not cost work: see tests/blender_addon/window/. The pages' pictures
+# are made there, too.
 BLENDER ?= blender
 test-window: extension
 	$(BIN)/python tests/blender_addon/window/click_path.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/window
 	$(BIN)/python tests/blender_addon/window/no_lost_work.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/no_lost_work $(if $(SMALL_DISK),--small-disk "$(SMALL_DISK)")
 	$(BIN)/python tests/blender_addon/window/working_day.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/working_day
 	$(BIN)/python tests/blender_addon/window/fix_by_hand.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/fix_by_hand
+	$(BIN)/python tests/blender_addon/window/pictures.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip --workspace build/fix_by_hand/ws -o build/pictures --into blender_addon/pictures
 
 # The Blender extension with the wheel of unveil_core that it installs, and a repository that Blender can be pointed at.
 # Blender's own tool builds and checks it.
@@ -43,6 +45,7 @@ extension: BLENDER_EXT = $(shell .venv-bpy-5.0/bin/python -c "import importlib.u
 extension: $(VENV)/.installed-test .venv-bpy-5.0/.installed
 	rm -rf build/extension dist/extension && mkdir -p build dist/extension
 	cp -R blender_addon build/extension
+	$(if $(WEBSITE),printf 'website = "%s"\n' "$(WEBSITE)" | sed -i '/^maintainer/r /dev/stdin' build/extension/blender_manifest.toml)
 	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir build/extension/core .
 	cd build/extension/core && ../../../$(BIN)/python -m pip hash --algorithm sha256 unveil_core-*.whl > unveil_core.hash
 	cp $(foreach lock,pip core torch cuda,requirements/$(lock).txt) requirements/solve.txt build/extension/core

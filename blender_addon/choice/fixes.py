@@ -33,7 +33,7 @@ class UnveilFix(bpy.types.PropertyGroup):
     time: IntProperty(description="Frame of the timeline")
     image: PointerProperty(type=bpy.types.Image, description="The copy that is painted on")
     invent: BoolProperty(
-        name="Fill in again",
+        name="Fill In Again",
         description="What is painted over is a hole, and is filled in again; off: it looks as it was painted",
     )
 

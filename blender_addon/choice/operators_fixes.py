@@ -9,6 +9,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..formats.files import one_line
+from ..scene import view
 from . import fixes
 
 __all__ = ["show_picture"]
@@ -18,7 +19,7 @@ class UNVEIL_OT_paint_frame(bpy.types.Operator):
     """Paint on a copy of this clean frame, in an Image Editor; all other frames will follow"""
 
     bl_idname = "unveil.paint_frame"
-    bl_label = "Paint this frame"
+    bl_label = "Paint This Frame"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -82,4 +83,32 @@ class UNVEIL_OT_forget_fix(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (UNVEIL_OT_paint_frame, UNVEIL_OT_forget_fix)
+class UNVEIL_OT_go_to_fix(bpy.types.Operator):
+    """Go to this frame, and open what was painted on it"""
+
+    bl_idname = "unveil.go_to_fix"
+    bl_label = "Go to Fix"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return len(context.scene.unveil_selection.fixes) > 0
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        listed = context.scene.unveil_selection
+        if not 0 <= self.index < len(listed.fixes):
+            self.report({"ERROR"}, f"There is no fix {self.index}")
+            return {"CANCELLED"}
+        fix = listed.fixes[self.index]
+        listed.active_fix = self.index
+        context.scene.frame_set(fix.time)
+        if view.shown_drive(context.scene) is not None:
+            bpy.ops.unveil.look_through(track=fix.track)
+        if fix.image is not None and not bpy.app.background and context.window_manager.windows:
+            show_picture(context, fix.image)
+        return {"FINISHED"}
+
+
+CLASSES = (UNVEIL_OT_paint_frame, UNVEIL_OT_forget_fix, UNVEIL_OT_go_to_fix)

@@ -13,6 +13,7 @@ from ..formats.classes import VEHICLES
 from ..formats.sequences import pictures_in
 from ..scene import drive_scene, view
 from . import marks, selection
+from .quick import ground as marks_place
 
 __all__ = ["new_entry"]
 
@@ -25,7 +26,7 @@ class UNVEIL_OT_toggle_object(bpy.types.Operator):
     """Take this object out, or leave it in"""
 
     bl_idname = "unveil.toggle_object"
-    bl_label = "Choose object"
+    bl_label = "Choose Object"
     bl_options = {"REGISTER", "UNDO"}
 
     number: IntProperty(description="The object's id")
@@ -49,7 +50,7 @@ class UNVEIL_OT_choose(bpy.types.Operator):
     """Choose many objects at once"""
 
     bl_idname = "unveil.choose"
-    bl_label = "Choose objects"
+    bl_label = "Choose Objects"
     bl_options = {"REGISTER", "UNDO"}
 
     which: EnumProperty(
@@ -60,6 +61,7 @@ class UNVEIL_OT_choose(bpy.types.Operator):
             ("INVERT", "Invert", "Choose what is not chosen, and the other way round"),
             ("VEHICLES", "Vehicles", "Cars, trucks, buses, trains, motorcycles, bicycles"),
             ("PEOPLE", "People", "Pedestrians and riders"),
+            ("MOVABLE", "Vehicles and People", "All that usually goes"),
             ("CLASS", "Class", "All of one class"),
         ),
     )
@@ -71,7 +73,12 @@ class UNVEIL_OT_choose(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         listed = context.scene.unveil_selection
-        names = {"VEHICLES": VEHICLES, "PEOPLE": PEOPLE, "CLASS": (self.class_name,)}.get(self.which)
+        names = {
+            "VEHICLES": VEHICLES,
+            "PEOPLE": PEOPLE,
+            "MOVABLE": (*VEHICLES, *PEOPLE),
+            "CLASS": (self.class_name,),
+        }.get(self.which)
         if self.which == "CLASS" and self.class_name not in {o.class_name for o in listed.objects} | set(
             listed.classes.keys()
         ):
@@ -94,7 +101,7 @@ class UNVEIL_OT_go_to_object(bpy.types.Operator):
     """Go to a frame that shows this object"""
 
     bl_idname = "unveil.go_to_object"
-    bl_label = "Show object"
+    bl_label = "Show Object"
     bl_options = {"REGISTER", "UNDO"}
 
     number: IntProperty()
@@ -118,13 +125,13 @@ class UNVEIL_OT_go_to_object(bpy.types.Operator):
 
 
 class UNVEIL_OT_add_box(bpy.types.Operator):
-    """Put a wire cube at the 3D cursor; move, turn and scale it around what is to go"""
+    """Put a wire cube on the ground amid the view; move, turn and scale it around what is to go"""
 
     bl_idname = "unveil.add_box"
-    bl_label = "Add box"
+    bl_label = "Add Box"
     bl_options = {"REGISTER", "UNDO"}
 
-    class_name: StringProperty(name="Name", default="object", description="Name of the object in the list")
+    class_name: StringProperty(name="Name", default="box", description="Name of the object in the list")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -133,8 +140,8 @@ class UNVEIL_OT_add_box(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene, collection = context.scene, view.shown_drive(context.scene)
         assert collection is not None
-        thing = new_entry(scene, self.class_name.strip() or "object", "box")
-        x, y, z = scene.cursor.location
+        thing = new_entry(scene, self.class_name.strip() or "box", "box")
+        x, y, z = marks_place.on_ground(context)
         length, width, height = (v * drive_scene.metre_of(scene) for v in BOX_SIZE_M)
         box = SceneBox((x, y, z + height / 2), (length, width, height), _heading(scene))
         thing.marker = marks.new_marker(collection, thing.number, thing.class_name, box)
@@ -149,7 +156,7 @@ class UNVEIL_OT_add_mattes(bpy.types.Operator):
     """Take an object from a sequence of pictures that are white where it is, one for each frame or for some"""
 
     bl_idname = "unveil.add_mattes"
-    bl_label = "Add mattes"
+    bl_label = "Add Mattes"
     bl_options = {"REGISTER", "UNDO"}
 
     directory: StringProperty(name="Folder", subtype="DIR_PATH")
@@ -179,7 +186,7 @@ class UNVEIL_OT_remove_mark(bpy.types.Operator):
     """Delete a mark that was made by hand; the object stays in the street"""
 
     bl_idname = "unveil.remove_mark"
-    bl_label = "Delete mark"
+    bl_label = "Delete Mark"
     bl_options = {"REGISTER", "UNDO"}
 
     number: IntProperty()

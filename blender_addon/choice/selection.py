@@ -15,6 +15,7 @@ import numpy as np
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
+    EnumProperty,
     FloatProperty,
     FloatVectorProperty,
     IntProperty,
@@ -29,6 +30,7 @@ from ..formats.object_files import ListedObject, read_choice, read_listed, read_
 from ..formats.timeline import Timeline, timeline_of
 from ..scene import blocks, drive_scene, versions
 from . import as_made, fixes, marks
+from .quick.filters import UnveilFilter
 
 __all__ = [
     "MARKED",
@@ -43,6 +45,7 @@ __all__ = [
     "is_marked",
     "marked_file",
     "problem",
+    "stands",
 ]
 
 
@@ -50,7 +53,7 @@ UNKNOWN, MARKED, UNLISTED = -1, -2, -3
 """Rows of objects whose row nobody has looked up yet, that a person marked, and whose class is not listed."""
 
 
-def _redraw_views(self: UnveilObject, context: bpy.types.Context) -> None:
+def _redraw_views(self: Any, context: bpy.types.Context) -> None:
     """Their boxes have another colour now, and nothing else tells a view of it."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
@@ -90,7 +93,7 @@ class UnveilObject(bpy.types.PropertyGroup):
         max=200,
         description="Enlarge its mask by pixels of the delivered frame, where something of it is left",
     )
-    keep_shadow: BoolProperty(name="Keep shadow", description="Leave the shadow that it casts in the street")
+    keep_shadow: BoolProperty(name="Keep Shadow", description="Leave the shadow that it casts in the street")
     mattes: StringProperty(subtype="DIR_PATH", options=versions.PATH)
 
 
@@ -154,16 +157,30 @@ class UnveilSelection(bpy.types.PropertyGroup):
     classes: CollectionProperty(type=UnveilClass)
     active: IntProperty(name="Object", default=0)
     active_class: IntProperty(name="Class", default=0)
-    show_boxes: BoolProperty(
-        name="Boxes", default=True, description="Show the objects' boxes in the viewport; a click on one chooses it"
+    boxes: EnumProperty(
+        name="Boxes",
+        description="Which objects' boxes the 3D views draw; a click on one chooses it",
+        items=(
+            ("ALL", "All", "All objects; in After the active one alone, for the others would cover the result"),
+            ("GOING", "Removed", "What is chosen to go, in After, too"),
+            ("ACTIVE", "Active Only", "The object whose row is active: isolated"),
+            ("NONE", "None", "No boxes"),
+        ),
+        update=_redraw_views,
     )
+    ghosts: BoolProperty(
+        name="Ghosts",
+        description="Fill the boxes of what goes with a translucent color, so that its place is seen in After, too",
+        update=_redraw_views,
+    )
+    filter: PointerProperty(type=UnveilFilter)
     fixes: CollectionProperty(type=fixes.UnveilFix)
     active_fix: IntProperty(name="Fix", default=0)
     as_made: StringProperty(description="The choice that the workspace was made with, see as_made.py")
     marked_from: StringProperty(description="A file of marks that is not the workspace's own")
     marked_as: StringProperty(description="What the marks were when they were read there")
     corrections_from: StringProperty(description="A file of corrections that is not the workspace's own")
-    all_classes: BoolProperty(name="All classes", description="Also list classes that are not usually removed")
+    all_classes: BoolProperty(name="All Classes", description="Also list classes that are not usually removed")
 
 
 # ------------------------------------------------------------------------------------------------------------ what it holds
@@ -190,7 +207,7 @@ def current(scene: Any) -> bool:
 
 def standing(scene: Any) -> list[UnveilObject]:
     """The objects whose choice counts: not those that move, nor marks whose wire cube was deleted."""
-    return [o for o in scene.unveil_selection.objects if _stands(o)]
+    return [o for o in scene.unveil_selection.objects if stands(o)]
 
 
 # ---------------------------------------------------------------------------------------------------------- what a run gets
@@ -215,7 +232,7 @@ def chosen_numbers(scene: Any) -> list[int]:
     goes = (
         column(listed, "chosen", bool) & ~column(listed, "moves", bool) & ~np.isin(_rows(listed), _whole_rows(listed))
     )
-    goes[[i for i in _marked(listed) if not _stands(listed.objects[i])]] = False
+    goes[[i for i in _marked(listed) if not stands(listed.objects[i])]] = False
     return [int(number) for number in column(listed, "number", int)[goes]]
 
 
@@ -224,7 +241,7 @@ def _marked(listed: UnveilSelection) -> list[int]:
     return [int(i) for i in np.flatnonzero(_rows(listed) == MARKED)]
 
 
-def _stands(thing: UnveilObject) -> bool:
+def stands(thing: UnveilObject) -> bool:
     """Whether the choice of an object counts."""
     return not thing.moves and not (thing.source == "box" and not marks.alive(thing.marker))
 
@@ -281,7 +298,7 @@ def preview_arguments(scene: Any, workspace: Path) -> list[str]:
 def marked_file(scene: Any) -> str:
     """The file that tells of the marks in the list; empty where none is there."""
     listed = scene.unveil_selection
-    marked = any(_stands(listed.objects[i]) for i in _marked(listed))
+    marked = any(stands(listed.objects[i]) for i in _marked(listed))
     return (listed.marked_from or str(Path(listed.workspace) / marks.FILE)) if marked else ""
 
 

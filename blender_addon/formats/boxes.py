@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["EDGES", "SceneBox", "box_around", "corners_of", "pick"]
+__all__ = ["EDGES", "SceneBox", "box_around", "corners_of", "pick", "within"]
 
 SIGNS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=np.float64) / 2
 EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1)
@@ -58,14 +58,35 @@ def pick(
         corners: (N, 8, 3) of the boxes.
         perspective: (4, 4) to clip coordinates; size: (width, height) of the view, pixels.
     """
-    clip = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2) @ perspective.T
-    depth = clip[..., 3]
-    before = (depth > 1e-6).all(axis=1)  # a box that reaches behind the viewer has no outline
-    outline = (clip[..., :2] / np.where(before[:, None], depth, 1.0)[..., None] + 1) / 2 * np.asarray(size)
+    outline, depth, before = _outlines(corners, perspective, size)
     point = np.asarray(pointer, np.float64)
     around = before & (outline.min(axis=1) <= point).all(axis=1) & (outline.max(axis=1) >= point).all(axis=1)
     under = [int(i) for i in np.flatnonzero(around) if _inside(point, outline[i])]
     return min(under, key=lambda i: depth[i].mean(), default=None)
+
+
+def within(
+    rectangle: tuple[float, float, float, float], corners: np.ndarray, perspective: np.ndarray, size: tuple[int, int]
+) -> np.ndarray:
+    """(N,) bool: whether the middle of a box, as the view shows it, lies in a rectangle.
+
+    Args:
+        rectangle: left, bottom, right, top, pixels from the lower left; the others as :func:`pick`.
+    """
+    outline, _, before = _outlines(corners, perspective, size)
+    middle = outline.mean(axis=1)
+    low, high = np.asarray(rectangle[:2]), np.asarray(rectangle[2:])
+    return np.asarray(before & (middle >= low).all(axis=1) & (middle <= high).all(axis=1))
+
+
+def _outlines(
+    corners: np.ndarray, perspective: np.ndarray, size: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places (N, 8, 2) of corners in the view, pixels; their depths (N, 8); whether a box lies before the viewer (N,)."""
+    clip = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2) @ perspective.T
+    depth = clip[..., 3]
+    before = (depth > 1e-6).all(axis=1)  # a box that reaches behind the viewer has no outline
+    return (clip[..., :2] / np.where(before[:, None], depth, 1.0)[..., None] + 1) / 2 * np.asarray(size), depth, before
 
 
 def _inside(point: np.ndarray, corners: np.ndarray) -> bool:

@@ -21,6 +21,8 @@ from .files import copied, move, own_folder, patiently, write_whole
 from .open_safely import LARGEST_PICTURE, read_bytes
 
 __all__ = [
+    "COLORS",
+    "ORIGIN_COLORS",
     "REGION_COLORS",
     "PictureSequence",
     "in_color",
@@ -33,6 +35,10 @@ __all__ = [
 
 REGION_COLORS = ((0, 0, 0), (60, 120, 216), (106, 190, 90), (226, 60, 60))
 """sRGB of nothing removed, observed, seen from other views, never seen."""
+ORIGIN_COLORS = ((0, 0, 0), (60, 120, 216), (106, 190, 90), (240, 200, 60), (226, 60, 60))
+"""sRGB of the footage's own pixels, relit, seen elsewhere, continued, invented."""
+COLORS = {"regions": REGION_COLORS, "provenance": ORIGIN_COLORS}
+"""Of each kind of picture whose values are numbers."""
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 """What mattes may be, as the command takes them."""
@@ -145,11 +151,11 @@ def _same(target: Path, file: Path) -> bool:
     return stat.S_ISREG(a.st_mode) and not shared and (a.st_size, a.st_mtime_ns) == (b.st_size, b.st_mtime_ns)
 
 
-def in_color(regions: Path, target: Path) -> None:
-    """Write a copy of a picture of regions that shows their numbers in colours; one that has the picture's time is left as it is.
+def in_color(regions: Path, target: Path, colors: Sequence[tuple[int, int, int]] = REGION_COLORS) -> None:
+    """Write a copy of a picture of numbers that shows each in its colour; one that has the picture's time is left as it is.
 
     Raises:
-        ValueError: it is no picture of regions; one line that names it.
+        ValueError: it is no such picture; one line that names it.
         OSError: one cannot be read or written.
     """
     times = regions.stat()
@@ -157,7 +163,7 @@ def in_color(regions: Path, target: Path) -> None:
         if target.stat().st_mtime_ns == times.st_mtime_ns:
             return
     try:
-        content = with_palette(read_bytes(regions, LARGEST_PICTURE), REGION_COLORS)
+        content = with_palette(read_bytes(regions, LARGEST_PICTURE), colors)
     except ValueError as error:
         raise ValueError(f"{regions}: {error}") from error
     write_whole(target, content)

@@ -17,6 +17,8 @@ __all__ = ["FARTHEST_M", "fit_scene_to", "track_camera", "track_of"]
 
 FARTHEST_M = 2000.0
 """That a camera shows: a street has nothing beyond."""
+DRAWN_M = 0.3
+"""Width of the pyramid that stands for a camera: of a camera on a car's roof, not of the car."""
 
 
 def track_camera(
@@ -41,7 +43,8 @@ def track_camera(
     thing["unveil_aspect"] = list(frames[0].lens.aspect)
     camera.type, camera.sensor_fit, camera.lens_unit = "PERSP", "HORIZONTAL", "MILLIMETERS"
     camera.sensor_width = frames[0].lens.sensor_mm
-    camera.clip_start, camera.clip_end, camera.display_size = 0.05 * metre, FARTHEST_M * metre, 0.6 * metre
+    camera.clip_start, camera.clip_end = 0.05 * metre, FARTHEST_M * metre
+    camera.display_size = DRAWN_M * metre
     thing.rotation_mode, thing.scale = "QUATERNION", (1.0, 1.0, 1.0)
 
     poses = [Matrix(f.camera_to_scene.tolist()) for f in frames]

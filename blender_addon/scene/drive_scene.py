@@ -17,6 +17,7 @@ from ..formats.open_safely import LARGEST_SCENE, open_file
 from ..formats.ply_file import read_ply
 from ..formats.timeline import Timeline, timeline_of
 from . import blocks, cameras, meshes
+from .cg import aside
 from .images import plates
 
 __all__ = [
@@ -30,12 +31,12 @@ __all__ = [
     "tracks_of",
 ]
 
-MOST_POINTS = 150_000
-"""More points of a drive are thinned evenly: each is a little tetrahedron in one mesh, which takes 47 MB of a .blend."""
+MOST_POINTS = 400_000
+"""More points of a drive are thinned evenly: so many take 10 MB of a .blend."""
 POINTS_FROM = ("drive/points.ply", "drive/cameras.json", "objects/point_labels.npy", "objects.json")
 """Files that the mesh of points is made from."""
-RADIUS_PER_METRE, RADIUS_M = 0.005, (0.03, 0.35)
-"""Size of a shown point by its distance from the drive: LiDAR thins out with it."""
+AHEAD_M = 12.0
+"""How far before the camera a view turns around that is moved out of it: the street, not the horizon."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,7 @@ def set_up(context: bpy.types.Context, placed: Placed) -> None:
         scene.frame_start, scene.frame_end = span
         _set_rate(scene, placed.timeline.rate)
     if placed.new:
+        aside.put_aside(scene)
         _first_look(context, placed)
     if scene.camera is None or (cameras.track_of(scene.camera) and scene.camera not in tracks and placed.new):
         scene.camera = tracks[0]
@@ -145,13 +147,12 @@ def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -
     place = blocks.child_collection(collection, "points", "Points")
     thing = blocks.ensure_object(mesh, mark, "points", "Points", place)
     stamps = [file_stamp(drive.workspace / name) for name in POINTS_FROM]
-    stamp = " ".join([*stamps, f"{drive.metre:g}", str(MOST_POINTS)])
+    stamp = " ".join([*stamps, f"{drive.metre:g}", str(MOST_POINTS), "dots"])
     if mesh.get("unveil_stamp") != stamp or "unveil_points" not in thing:
         _fill_points(mesh, thing, drive)
         mesh["unveil_stamp"] = stamp
-    if not mesh.materials:
-        mesh.materials.append(meshes.color_material(mark, "Points"))
     thing.hide_select = True  # they are everywhere, and a click means something else
+    thing.hide_viewport = True  # Blender draws bare vertices as black dots; see overlays/points
     meshes.show_colors(mesh, "Class" if bpy.context.scene.unveil_view.points == "CLASS" else "Colour")
 
 
@@ -159,29 +160,13 @@ def _fill_points(mesh: bpy.types.Mesh, thing: bpy.types.Object, drive: ImportedD
     whole = read_ply(drive.workspace / "drive" / "points.ply")
     chosen = splats.fair_share(len(whole.vertices), MOST_POINTS)
     ply = whole.some(chosen)
-    places = ply.positions * drive.metre
-    centres = np.array([f.camera_to_scene[:3, 3] for frames in drive.tracks.values() for f in frames])
-    distance = _nearest(places, centres[splats.fair_share(len(centres), 64)])
-    radius = np.clip(distance * RADIUS_PER_METRE, *(r * drive.metre for r in RADIUS_M))
-    meshes.fill_mesh(mesh, *splats.tetrahedra(places, radius))
+    meshes.fill_mesh(mesh, ply.positions * drive.metre, np.zeros((0, 3), np.int32))
     colors = ply.colors
-    plain = np.full((len(chosen), 3), 160, np.uint8) if colors is None else colors
     labels = _point_labels(drive.workspace, len(whole.vertices))[chosen]
-    source = read_source(drive)
-    meshes.set_colors(mesh, "Colour", np.repeat(plain, 4, axis=0))
-    meshes.set_colors(mesh, "Class", np.repeat(classes.color_table(source)[labels], 4, axis=0))
-    meshes.set_face_values(mesh, "label", np.repeat(labels.astype(np.int32), 4))
+    meshes.set_colors(mesh, "Colour", np.full((len(chosen), 3), 160, np.uint8) if colors is None else colors)
+    meshes.set_colors(mesh, "Class", classes.color_table(read_source(drive))[labels])
+    meshes.set_values(mesh, "label", labels.astype(np.int32), "POINT")
     thing["unveil_points"], thing["unveil_points_shown"] = len(whole.vertices), len(chosen)
-
-
-def _nearest(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """(N,) distance of points (N, 3) from the nearest of some centres (M, 3)."""
-    found, middle = np.empty(len(points)), centres.mean(axis=0)
-    for i in range(0, len(points), 20_000):
-        part, others = points[i : i + 20_000] - middle, centres - middle
-        squares = (part**2).sum(axis=1)[:, None] - 2 * part @ others.T + (others**2).sum(axis=1)
-        found[i : i + 20_000] = np.sqrt(np.maximum(squares.min(axis=1), 0))
-    return found
 
 
 def _point_labels(workspace: Path, count: int) -> np.ndarray:
@@ -208,6 +193,7 @@ def _first_look(context: bpy.types.Context, placed: Placed) -> None:
         space.shading.type, space.shading.color_type, space.shading.light = "SOLID", "VERTEX", "FLAT"
         space.shading.show_object_outline = False  # drawn along every edge of a mesh that has holes
         space.clip_end = max(space.clip_end, farthest)
+        space.region_3d.view_distance = AHEAD_M * metre_of(scene)
     show_cameras_view(context)
     for area in _areas(context):
         _fill(area, *camera["unveil_size"])

@@ -8,7 +8,7 @@ import numpy as np
 
 from . import blocks
 
-__all__ = ["color_material", "fill_mesh", "set_colors", "set_face_values", "show_colors"]
+__all__ = ["color_material", "fill_mesh", "set_colors", "set_values", "show_colors"]
 
 
 def fill_mesh(mesh: bpy.types.Mesh, vertices: np.ndarray, faces: np.ndarray) -> None:
@@ -41,12 +41,15 @@ def set_colors(mesh: bpy.types.Mesh, name: str, colors: np.ndarray) -> None:
     attribute.data.foreach_set("color_srgb", whole.ravel())
 
 
-def set_face_values(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
-    """A number per face: whole numbers as INT, others as FLOAT."""
+def set_values(mesh: bpy.types.Mesh, name: str, values: np.ndarray, domain: str) -> None:
+    """A number for each element of a domain, "POINT" or "FACE": whole numbers as INT, others as FLOAT."""
     kind = "INT" if values.dtype.kind in "iu" else "FLOAT"
     attribute = mesh.attributes.get(name)
+    if attribute is not None and attribute.domain != domain:
+        mesh.attributes.remove(attribute)
+        attribute = None
     if attribute is None:
-        attribute = mesh.attributes.new(name, kind, "FACE")
+        attribute = mesh.attributes.new(name, kind, domain)
     attribute.data.foreach_set("value", values.astype(np.int32 if kind == "INT" else np.float32))
 
 

@@ -18,7 +18,7 @@ class UNVEIL_OT_full_detail(bpy.types.Operator):
     """All triangles of the mesh that is shown, or those that are quick to draw again."""
 
     bl_idname = "unveil.full_detail"
-    bl_label = "Full detail"
+    bl_label = "Full Detail"
     bl_description = (
         "Load all triangles of the mesh that is shown, or go back to those that are quick to draw. "
         "A .blend that is saved with all of them is large"

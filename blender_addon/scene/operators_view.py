@@ -15,7 +15,7 @@ class UNVEIL_OT_before_after(bpy.types.Operator):
     """Switch between the street as it was and the empty one: background and meshes at once"""
 
     bl_idname = "unveil.before_after"
-    bl_label = "Before / after"
+    bl_label = "Before / After"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -34,7 +34,7 @@ class UNVEIL_OT_look_through(bpy.types.Operator):
     """Look through this camera, with the resolution and pixel aspect of its pictures"""
 
     bl_idname = "unveil.look_through"
-    bl_label = "Look through camera"
+    bl_label = "Look through Camera"
     bl_options = {"REGISTER", "UNDO"}
 
     track: StringProperty(options={"SKIP_SAVE"})

@@ -18,7 +18,7 @@ from ..formats.ply_file import read_ply
 from ..formats.splat_files.splat_facts import facts_of
 from ..formats.timeline import Timeline
 from . import blocks, drive_scene, meshes, splat_clouds, versions, view
-from .images import plates, preview
+from .images import plates, preview, versions_kept
 
 __all__ = ["FOLDERS", "load", "load_mesh"]
 
@@ -27,6 +27,7 @@ FOLDERS = {
     "render": "renders",
     "inpainted": "inpainted",
     "regions": "regions",
+    "provenance": "provenance",
     "removed": "masks/removed",
     "shadows": "masks/shadows",
     "unobserved": "masks/unobserved",
@@ -37,8 +38,6 @@ WITHOUT_LENS = {**FOLDERS, "clean": "clean"}
 CLIPS = ("clean", "regions", "removed", "unobserved")
 """Kinds that become movie clips, too, for tracking and compositing."""
 STATES = {"full": "before", "empty": "after"}
-MOST_SPLATS = 150_000
-"""More Gaussians of a scene are thinned evenly, where each is a square of a mesh."""
 MOST_TRIANGLES = 500_000
 """A mesh of more is decimated for the view: so many take 31 MB of a .blend, and a street of 400 m has cells of 0.27 m."""
 
@@ -62,6 +61,8 @@ def load(context: bpy.types.Context, placed: drive_scene.Placed, drive: Imported
         if scene.unveil.set_up_scene:
             _strips(context, camera, mark, drive, timeline)
     _keyframes(scene, mark, drive, timeline)
+    collection[versions_kept.KEPT] = versions_kept.numbers_in(drive.workspace)
+    collection[view.FIGURES] = file_stamp(drive.workspace / "metrics.json")
     for state in STATES:
         found += load_mesh(collection, drive, state)
         found += _splats(collection, mark, drive, state)
@@ -92,8 +93,8 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline:
         files = [drive.workspace / place / track / f"{name}.png" for name in names]
         if not all(f.is_file() for f in files):
             continue
-        if kind == "regions":
-            files = _in_color(files, own_folder(drive.workspace, "blender", kind, f"{track}_colours"))
+        if kind in sequences.COLORS:
+            files = _in_color(kind, files, own_folder(drive.workspace, "blender", kind, f"{track}_colours"))
         pictures = sequences.numbered(timeline.held(track, files), drive.workspace, "blender", kind, track)
         plates.set_plate(camera, mark, kind, pictures, timeline.first(track))
         if kind in CLIPS:
@@ -102,11 +103,11 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline:
     return found
 
 
-def _in_color(files: list[Path], folder: Path) -> list[Path]:
-    """Copies of region pictures that show their numbers in colours, in a folder whose names are the frames'."""
+def _in_color(kind: str, files: list[Path], folder: Path) -> list[Path]:
+    """Copies of pictures of numbers that show their numbers in colours, in a folder whose names are the frames'."""
     made = [folder / file.name for file in files]
     for file, target in zip(files, made, strict=True):
-        sequences.in_color(file, target)
+        sequences.in_color(file, target, sequences.COLORS[kind])
     return made
 
 
@@ -229,24 +230,23 @@ def load_mesh(collection: bpy.types.Collection, drive: ImportedDrive, state: str
 
 
 def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, state: str) -> list[str]:
-    """The Gaussians of a state: native ones where this Blender has them, else a small square for each."""
+    """The Gaussians of a state, in a Blender that draws them: as faces they look like a street that failed."""
     path, role = drive.workspace / "surfels" / f"{state}.ply", f"splats:{state}"
-    if not path.is_file():
+    _drop_squares(mark, role)
+    if not path.is_file() or not versions.has_native_splats():
         return []
-    native = versions.has_native_splats()
-    _drop_other_kind(mark, role, "POINTCLOUD" if native else "MESH")
-    (_native_splats if native else _square_splats)(collection, mark, drive, role, path)
+    _native_splats(collection, mark, drive, role, path)
     return [role]
 
 
-def _drop_other_kind(mark: str, role: str, kind: str) -> None:
-    """Take away what a Blender of the other sort has made: an object cannot change from a mesh into a point cloud."""
+def _drop_squares(mark: str, role: str) -> None:
+    """Take away what a version before has made as a mesh: an object cannot change into a point cloud."""
     thing = blocks.find(bpy.data.objects, mark, role)
-    if thing is not None and thing.type != kind:
-        data, store = thing.data, bpy.data.meshes if thing.type == "MESH" else bpy.data.pointclouds
+    if thing is not None and thing.type == "MESH":
+        mesh = thing.data
         bpy.data.objects.remove(thing)
-        if data is not None and not data.users and blocks.is_own(data):
-            store.remove(data)
+        if not mesh.users and blocks.is_own(mesh):
+            bpy.data.meshes.remove(mesh)
 
 
 def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, role: str, path: Path) -> None:
@@ -271,28 +271,6 @@ def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
             cloud.name = name
     thing = blocks.ensure_object(cloud, mark, role, name, blocks.child_collection(collection, role, name))
     thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = cloud["unveil_gaussians"], len(cloud.points)
-
-
-def _square_splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, role: str, path: Path) -> None:
-    """Each a square with its opacity and label, in one mesh."""
-    name = f"Gaussians {STATES[path.stem]}"
-    mesh = blocks.ensure(bpy.data.meshes, mark, role, lambda: bpy.data.meshes.new(name))
-    thing = blocks.ensure_object(mesh, mark, role, name, blocks.child_collection(collection, role, name))
-    if mesh.get("unveil_stamp") == _stamp(path, drive):
-        return
-    ply = read_ply(path)
-    try:
-        centres, first, second, colors = splats.surfel_discs(ply)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
-    chosen = splats.fair_share(len(centres), MOST_SPLATS)
-    meshes.fill_mesh(mesh, *splats.discs(*(part[chosen] * drive.metre for part in (centres, first, second))))
-    meshes.set_colors(mesh, "Col", np.repeat(colors[chosen], 4, axis=0))
-    opacity = 1 / (1 + np.exp(-ply.vertices["opacity"][chosen].astype(np.float64)))
-    meshes.set_face_values(mesh, "opacity", opacity)
-    meshes.set_face_values(mesh, "label", ply.vertices["label"][chosen].astype(np.int32))
-    thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = len(centres), len(chosen)
-    _finish(mesh, mark, _stamp(path, drive))
 
 
 def _finish(mesh: bpy.types.Mesh, mark: str, stamp: str) -> None:

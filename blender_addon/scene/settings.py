@@ -16,13 +16,13 @@ __all__ = ["CAMERAS", "SET_UP_SCENE", "START_FRAME", "UnveilSettings", "property
 
 
 SET_UP_SCENE: dict[str, Any] = {
-    "name": "Set up scene",
+    "name": "Set Up Scene",
     "default": True,
     "description": "Fit the scene to the drive: camera, resolution, frame range and rate, 3D views and Video Sequencer; "
     "off: nothing but the drive's own collection is touched",
 }
 START_FRAME: dict[str, Any] = {
-    "name": "Start frame",
+    "name": "Start Frame",
     "default": 1001,
     "min": 0,
     "max": 1_000_000,
@@ -79,7 +79,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
         options=versions.PATH,
     )
     workspace: StringProperty(
-        name="Results folder",
+        name="Results Folder",
         subtype="DIR_PATH",
         description="Folder of the results; a run that was cancelled continues from what is finished there",
         update=_workspace_named,
@@ -88,7 +88,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
     set_up_scene: BoolProperty(**SET_UP_SCENE)
     start_frame: IntProperty(**START_FRAME)
     preview_frames: StringProperty(
-        name="Preview frames",
+        name="Preview Frames",
         description="Frames of the timeline that a preview tries, as 1004,1050; empty: the present one and two others",
     )
     sun_azimuth: FloatProperty(

@@ -15,7 +15,7 @@ __all__ = [
     "MATH_NODE",
     "MIX_NODE",
     "PATH",
-    "place_strip",
+    "alpha_over_sockets",
     "compositor_of",
     "content_length",
     "empty_compositor",
@@ -25,11 +25,15 @@ __all__ = [
     "has_window",
     "mix_sockets",
     "new_splat_cloud",
+    "place_strip",
+    "scale_to_render",
     "set_map_uv_filter",
     "show_in_sequencer",
+    "shown_compositor",
     "still_pictures",
     "strip_files",
     "strips_of",
+    "switch_compositor_on",
 ]
 
 
@@ -204,3 +208,36 @@ def compositor_of(scene: Any) -> Any:
     if scene.compositing_node_group is None:
         scene.compositing_node_group = _plain_compositor(scene)
     return scene.compositing_node_group
+
+
+def alpha_over_sockets(node: Any) -> tuple[Any, Any]:
+    """What lies below and what lies above, of an Alpha Over node: named and ordered anew in 5.0."""
+    named = {s.name: s for s in node.inputs}
+    if "Background" in named:
+        return named["Background"], named["Foreground"]
+    return node.inputs[1], node.inputs[2]
+
+
+def scale_to_render(node: Any) -> None:
+    """Let a Scale node of the compositor give its picture the size of the render: a property up to 4.5, an input since 5.0."""
+    if hasattr(node, "space"):
+        node.space, node.frame_method = "RENDER_SIZE", "STRETCH"
+    else:
+        node.inputs["Type"].default_value, node.inputs["Frame Type"].default_value = "Render Size", "Stretch"
+
+
+def shown_compositor(scene: Any) -> Any:
+    """The compositor's node tree of a scene as it is, None where there is none: drawing makes nothing."""
+    effects = getattr(scene, "compositor_effects", None)
+    if effects is not None:
+        return None if effects.active is None else effects.active.node_group
+    if hasattr(scene, "compositing_node_group"):
+        return scene.compositing_node_group
+    return scene.node_tree
+
+
+def switch_compositor_on(scene: Any) -> None:
+    """Let a render go through the scene's compositor: up to 4.5 its tree may be there and be switched off."""
+    scene.render.use_compositing = True
+    if not hasattr(scene, "compositing_node_group"):
+        scene.use_nodes = True

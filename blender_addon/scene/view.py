@@ -3,18 +3,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
-from bpy.props import EnumProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, PointerProperty
 
 from . import blocks, cameras, meshes
 from .images import plates
 
-__all__ = ["FULL_DETAIL", "UnveilView", "apply", "is_decimated", "shown_drive", "shown_mesh"]
+__all__ = [
+    "CG",
+    "FIGURES",
+    "FULL_DETAIL",
+    "UnveilView",
+    "apply",
+    "is_decimated",
+    "shown_drive",
+    "shown_mesh",
+    "when_changed",
+]
 
 ROLES = {"POINTS": ("points",), "MESH": ("mesh",), "SPLATS": ("splats",)}
 STATES = {"BEFORE": "full", "AFTER": "empty"}
 FULL_DETAIL = "unveil_full_detail"
 """Custom property of a mesh's object: whether all of its file is shown."""
+FIGURES = "unveil_figures"
+"""Custom property of a drive's collection: which figures its results have, by the time that their file was written."""
+CG = "unveil_cg"
+"""Custom property of a drive's collection: whether the scene renders the artist's objects over its clean plate."""
+
+
+when_changed: list[Callable[[bpy.types.Scene], None]] = []
+"""Called with the scene after :func:`apply`: what is drawn over the views follows."""
 
 
 def _state_changed(self: UnveilView, context: bpy.types.Context) -> None:
@@ -26,6 +46,13 @@ def _state_changed(self: UnveilView, context: bpy.types.Context) -> None:
 
 def _changed(self: UnveilView, context: bpy.types.Context) -> None:
     apply(self.id_data)
+
+
+def _redraw(self: UnveilView, context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 class UnveilView(bpy.types.PropertyGroup):
@@ -45,16 +72,70 @@ class UnveilView(bpy.types.PropertyGroup):
         items=(
             ("POINTS", "Points", "LiDAR or structure-from-motion points"),
             ("MESH", "Mesh", "The fused mesh"),
-            ("SPLATS", "Gaussians", "The Gaussian scene: native splats where Blender has them, else a square for each"),
+            ("SPLATS", "Gaussians", "The Gaussian scene as splats, in a Blender that draws them: 5.3 or newer"),
         ),
         options={"ENUM_FLAG"},
         default={"POINTS"},
         update=_changed,
     )
     points: EnumProperty(
-        name="Colour of points",
-        items=(("CLASS", "Class", "By their semantic class"), ("COLOUR", "Colour", "As photographed")),
-        default="CLASS",
+        name="Point Color",
+        items=(("COLOUR", "Photo", "As photographed"), ("CLASS", "Class", "By their semantic class")),
+        default="COLOUR",
+        update=_changed,
+    )
+    points_in_camera: BoolProperty(
+        name="Points in Camera View",
+        description="Draw the points over the picture, too, where a view looks through a camera",
+        update=_redraw,
+    )
+    point_size: FloatProperty(
+        name="Point Size",
+        description="Diameter of a point 12 m away, in pixels; farther ones are smaller",
+        subtype="PIXEL",
+        default=3.0,
+        min=1.0,
+        max=20.0,
+        update=_redraw,
+    )
+    point_reach: FloatProperty(
+        name="Point Distance",
+        description="Points farther from the viewer than this are not drawn, in metres; 0: all are",
+        default=80.0,
+        min=0.0,
+        soft_max=500.0,
+        update=_redraw,
+    )
+    compare: EnumProperty(
+        name="Compare",
+        description="Draw a second picture over the first, in the camera's view and in the Image Editor",
+        items=(
+            ("NONE", "Off", "One picture alone"),
+            ("WIPE", "Wipe", "The other picture to the right of a line that can be dragged"),
+            (
+                "DIFFERENCE",
+                "Difference",
+                "Where the two differ: black is alike, yellow is a quarter of full scale or more",
+            ),
+            ("ORIGIN", "Origins", "Where each removed pixel comes from: seen in other frames, continued, or made up"),
+        ),
+        default="NONE",
+        update=_changed,
+    )
+    wipe: FloatProperty(
+        name="Wipe",
+        description="Where the line stands: share of the picture's width from the left",
+        subtype="FACTOR",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        update=_redraw,
+    )
+    compare_with: EnumProperty(
+        name="With",
+        description="The picture that the background is compared with",
+        items=plates.KINDS,
+        default="original",
         update=_changed,
     )
     background: EnumProperty(
@@ -98,12 +179,16 @@ def apply(scene: bpy.types.Scene) -> None:
         if flag is not None:
             visible = flag in view.shown and state in ("", STATES[view.state])
             child.hide_viewport = child.hide_render = not visible
+            if collection.get(CG):  # what takes the shadows is rendered, and nothing that would cover the plate
+                child.hide_render = (kind, state) != ("mesh", "empty")
     for thing in collection.all_objects:
         if cameras.track_of(thing) is not None:
             plates.show_plate(thing, view.background)
     points = blocks.find(bpy.data.meshes, blocks.drive_of(collection), "points")
     if points is not None:
         meshes.show_colors(points, "Class" if view.points == "CLASS" else "Colour")
+    for follow in when_changed:
+        follow(scene)
 
 
 CLASSES = (UnveilView,)

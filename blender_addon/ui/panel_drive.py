@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Drive section of the sidebar: what is imported, and through which camera it is seen."""
+"""The section Shot of the sidebar: what is imported, and through which camera it is seen."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import bpy
 
 from ..choice import selection
 from ..scene import drive_scene, view
-from .panels import Section
+from .panels import Section, split
 
 __all__ = ["UNVEIL_PT_drive"]
 
@@ -16,20 +16,21 @@ class UNVEIL_PT_drive(Section, bpy.types.Panel):
     """What is imported."""
 
     bl_idname = "UNVEIL_PT_drive"
-    bl_label = "Drive"
+    bl_label = "Shot"
     bl_order = 1
+    bl_options = {"DEFAULT_CLOSED"}  # before there is one, the next step is to import it
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
-        layout.operator("unveil.open_drive", text="Import street drive…", icon="IMPORT")
+        row = layout.row(align=True)
+        row.operator("unveil.open_drive", text="Import…", icon="IMPORT")
+        row.operator("unveil.load_workspace", text="Open Results…", icon="FILE_FOLDER").ask = True
         layout.operator("unveil.use_shot", icon="CAMERA_DATA")
-        layout.operator("unveil.load_workspace", text="Open results…", icon="FILE_FOLDER").ask = True
         if scene.unveil.drive:
-            column = layout.column()
-            column.use_property_split, column.use_property_decorate = True, False
-            column.prop(scene.unveil, "drive")
-            again = "Import again" if selection.current(scene) else "Import"
-            layout.operator("unveil.import_drive", text=again, icon="FILE_REFRESH")
+            row = layout.row(align=True)
+            row.prop(scene.unveil, "drive", text="")
+            again = "Import Again" if selection.current(scene) else "Import"
+            row.operator("unveil.import_drive", text="" if selection.current(scene) else again, icon="FILE_REFRESH")
         collection = view.shown_drive(scene)
         if collection is None:
             return
@@ -43,9 +44,7 @@ class UNVEIL_PT_drive(Section, bpy.types.Panel):
                     icon="VIEW_CAMERA",
                     depress=camera == scene.camera,
                 ).track = camera["unveil_track"]
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.row().prop(scene.unveil_view, "points", expand=True)
+        column = split(layout)
         column.prop(scene.unveil, "start_frame")
         column.prop(scene.unveil, "set_up_scene")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Unveil button with what a job tells, and the Run section: settings, and each stage with its state."""
+"""The next step with what a job tells, and the section Unveil: settings, and each stage with its state."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import bpy
 
 from ..formats.table.run_settings import ADVANCED, BASIC, SUN, RunSetting
 from ..scene.view import shown_drive
-from ..work.job import logs
-from ..work.job.job_operator import progress_lines, stage_line
 from ..work.stage_states import stage_states
 from ..worker.job_state import duration
 from ..worker.session import session
 from ..worker.workspace_state import STAGES, StageState
+from .next_step import next_step
 from .panels import Section
+from .telling import progress
 
 __all__ = ["UNVEIL_PT_reading", "UNVEIL_PT_run", "UNVEIL_PT_stages", "UNVEIL_PT_work"]
 
@@ -26,11 +26,22 @@ READING = ("read", "place")
 SAID = {"stale": "out of date"}
 MOST_LINES = 6
 """Of an error: a longer one would push everything else out of sight."""
+SHORT = {
+    "movers": "Moving",
+    "scale": "Units/Metre",
+    "camera_height": "Camera Up (m)",
+    "reference_inpainter": "By Reference",
+    "pose_convention": "Poses As",
+    "instance_maps": "Instances",
+    "label_classes": "Label Set",
+    "model": "COLMAP",
+}
+"""Names that the sidebar has room for, where those of the settings are too long for it."""
 ICONS = {"to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale": "FILE_REFRESH", "failed": "ERROR"}
 
 
 class UNVEIL_PT_work(Section, bpy.types.Panel):
-    """The button, and what the job tells: above everything else, so that it is always in sight."""
+    """How it stands, the next step, and what a job tells: above everything else, so that it is always in sight."""
 
     bl_idname = "UNVEIL_PT_work"
     bl_label = "Unveil"
@@ -41,16 +52,21 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         if session.busy:
             self._progress(context)
         else:
+            step = next_step(context)
+            self.layout.label(text=step.said, icon=step.icon)
             row = self.layout.row()
             row.scale_y = 1.6
-            row.enabled = bool(context.scene.unveil.drive)
-            row.operator("unveil.run", icon="PLAY")
-            if shown_drive(context.scene) is not None:
-                self.layout.operator("unveil.preview", icon="HIDE_OFF")
-            if _has_results(context):
+            button = row.operator(step.operator, text=step.text, icon=step.sign)
+            for name, value in step.options.items():
+                setattr(button, name, value)
+            if step.operator == "unveil.run" and shown_drive(context.scene) is not None:
                 row = self.layout.row(align=True)
-                row.scale_y = 1.2
-                row.prop(context.scene.unveil_view, "state", expand=True)
+                row.operator("unveil.preview", icon="HIDE_OFF")
+                row.operator("unveil.what_goes", text="What Goes", icon="PRESET")
+        if _has_results(context):
+            row = self.layout.row(align=True)
+            row.scale_y = 1.2
+            row.prop(context.scene.unveil_view, "state", expand=True)
         self._outcome(context)
 
     def _progress(self, context: bpy.types.Context) -> None:
@@ -58,12 +74,10 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         if state is None or job is None:
             return
         box = self.layout.box()
-        said = stage_line(state)
-        box.label(text=said if session.title in (said, "Unveil") else f"{session.title}: {said}")
-        box.progress(factor=state.fraction, text=f"{100 * state.fraction:.0f} %")
-        column = box.column(align=True)
-        for line in progress_lines(state):  # two, also where they are empty: what is below keeps its place
-            column.label(text=line)
+        box.label(text=progress.job_said(state))
+        part = progress.whole(state, session.age_s)
+        left = progress.time_left(state)
+        box.progress(factor=part, text=f"{100 * part:.0f} %" + (f", {left}" if left else ""))
         if session.waiting:
             box.label(text=f"Results wait for {session.waiting}", icon="INFO")
         row = box.row()
@@ -83,9 +97,7 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
                 column.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
         elif state is not None and state.status == "cancelled":
             self.layout.label(text="Cancelled; start again to go on", icon="INFO")
-        elif state is not None and state.status == "done":
-            self.layout.label(text=f"{session.title}: done in {duration(session.took_s)}", icon="CHECKMARK")
-        if (state is not None or logs.log_text() is not None) and not session.busy:
+        if state is not None and not session.busy and state.error:
             self.layout.operator("unveil.show_log", icon="TEXT")
 
 
@@ -93,8 +105,9 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
     """Settings and work."""
 
     bl_idname = "UNVEIL_PT_run"
-    bl_label = "Run"
+    bl_label = "Unveil"
     bl_order = 3
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -112,6 +125,10 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         if settings.show_more:
             column.prop(settings, "preview_frames")
             _settings(column, settings, ADVANCED)
+        if not session.busy and next_step(context).operator != "unveil.run":  # which has it above
+            row = layout.row(align=True)
+            row.operator("unveil.run", icon="PLAY")
+            row.operator("unveil.preview", icon="HIDE_OFF")
         found = stage_states(scene)
         if found is not None and found.problem:
             layout.label(text=found.problem, icon="INFO")
@@ -168,7 +185,7 @@ class UNVEIL_PT_stages(Section, bpy.types.Panel):
 def _settings(column: bpy.types.UILayout, settings: Any, shown: Sequence[RunSetting]) -> None:
     """A row for each; the sun below the shadows where it is given."""
     for setting in shown:
-        column.prop(settings, setting.name)
+        column.prop(settings, setting.name, text=SHORT.get(setting.name, setting.label))
         if setting.shape == "sun" and settings.shadows == "given":
             for name in SUN:
                 column.prop(settings, name)

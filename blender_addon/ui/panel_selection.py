@@ -8,12 +8,16 @@ from typing import Any
 
 import bpy
 
-from ..choice import selection
-from ..scene import drive_scene, view
+from ..choice import box_gizmos, selection
+from ..choice.quick import filters
+from ..scene import drive_scene
 from . import previews
-from .panels import Section
+from .panels import Section, split
 
-__all__ = ["UNVEIL_PT_selection", "measures"]
+__all__ = ["UNVEIL_PT_classes", "UNVEIL_PT_selection", "measures", "summary"]
+
+LINE = 34
+"""Characters that the sidebar has room for at its usual width."""
 
 
 class UNVEIL_UL_classes(bpy.types.UIList):
@@ -52,7 +56,7 @@ class UNVEIL_UL_classes(bpy.types.UIList):
 
 
 class UNVEIL_UL_objects(bpy.types.UIList):
-    """Objects: check box, picture, class, size, distance, frames."""
+    """Objects: check box, picture, class, distance or what the list is sorted by, frames."""
 
     bl_idname = "UNVEIL_UL_objects"
 
@@ -68,8 +72,8 @@ class UNVEIL_UL_objects(bpy.types.UIList):
         index: int = 0,
         flt_flag: int = 0,
     ) -> None:
-        columns = _columns(layout)
-        row = columns[0]
+        whole = layout.split(factor=0.58)
+        row = whole.row(align=True)
         if item.moves:
             row.label(text="", icon="ANIM")
         else:
@@ -79,18 +83,21 @@ class UNVEIL_UL_objects(bpy.types.UIList):
             row.label(text=item.name, icon_value=picture)
         else:
             row.label(text=item.name, icon={"box": "CUBE", "mattes": "IMAGE_DATA"}.get(item.source, "QUESTION"))
-        for column, text in zip(columns[1:], measures(item), strict=True):
-            column.label(text=text)
+        size, distance, frames = measures(item)
+        long = size if data.filter.sort == "SIZE" else distance  # there is room for two
+        told = whole.split(factor=0.5)
+        for text in (f"{long} m" if long else "", f"{frames} f" if frames else ""):
+            cell = told.row()
+            cell.alignment = "RIGHT"
+            cell.label(text=text)
 
-
-def _columns(layout: bpy.types.UILayout) -> list[bpy.types.UILayout]:
-    """What an object is, its size, distance and frames, side by side; of the same widths in the heading and in each row."""
-    whole = layout.split(factor=0.44)
-    thing = whole.row(align=True)  # what is made first stands first
-    numbers = whole.split(factor=1 / 3)
-    size = numbers.row()
-    others = numbers.split(factor=0.5)
-    return [thing, size, others.row(), others.row()]
+    def filter_items(self, context: Any, data: Any, property: str) -> tuple[list[int], list[int]]:
+        metre = drive_scene.metre_of(context.scene)
+        let = filters.shown(data, metre)
+        if self.filter_name:
+            name = self.filter_name.lower()
+            let = [ok and name in o.name.lower() for ok, o in zip(let, data.objects, strict=True)]
+        return [self.bitflag_filter_item if ok else 0 for ok in let], filters.ranks(data, metre)
 
 
 def measures(item: selection.UnveilObject) -> tuple[str, str, str]:
@@ -110,35 +117,28 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
     bl_label = "Remove"
     bl_order = 2
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return selection.current(context.scene)
+
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         listed = scene.unveil_selection
-        if not selection.current(scene):
-            layout.label(text="Import a drive to see what is in it", icon="INFO")
-            return
-        if view.shown_drive(scene) is None:
-            layout.label(text="The drive is not in this scene any more", icon="INFO")
-            layout.operator("unveil.load_workspace", text="Bring it back", icon="FILE_REFRESH").ask = False
         row = layout.row(align=True)
         for which, text in (("VEHICLES", "Vehicles"), ("PEOPLE", "People"), ("ALL", "All"), ("NONE", "None")):
             row.operator("unveil.choose", text=text).which = which
-        layout.template_list("UNVEIL_UL_classes", "", listed, "classes", listed, "active_class", rows=3, sort_lock=True)
-        layout.prop(listed, "all_classes")
-        for column, text in zip(_columns(layout), ("Object", "Size", "Away", "Seen"), strict=True):
-            column.label(text=text)
-        layout.template_list("UNVEIL_UL_objects", "", listed, "objects", listed, "active", rows=6)
-        layout.operator("unveil.outline_object", icon="RESTRICT_SELECT_OFF")
-        row = layout.row(align=True)
-        row.operator("unveil.add_box", icon="CUBE")
-        row.operator("unveil.add_mattes", icon="IMAGE_DATA")
-        row.prop(listed, "show_boxes", text="", icon="SHADING_BBOX")
+        if listed.filter.opened:
+            _filter(layout.box().column(), listed)
+        row = layout.row()
+        row.template_list("UNVEIL_UL_objects", "", listed, "objects", listed, "active", rows=6, sort_lock=True)
+        _tools(row.column(align=True), listed)
         if 0 <= listed.active < len(listed.objects):
             self._active(layout, listed.objects[listed.active])
         problem = selection.problem(scene)
-        lines = textwrap.wrap(problem or _summary(scene), 40)
+        lines = textwrap.wrap(problem or summary(scene), LINE)
         column = layout.column(align=True)
         for i, line in enumerate(lines):
-            column.label(text=line, icon="BLANK1" if i else "ERROR" if problem else "CHECKMARK")
+            column.label(text=line, icon="BLANK1" if i else "ERROR" if problem else "INFO")
 
     def _active(self, layout: bpy.types.UILayout, thing: selection.UnveilObject) -> None:
         """More of the object whose row is active."""
@@ -152,30 +152,77 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
         measured = selection.box_of(thing)
         if measured is not None:
             metre = drive_scene.metre_of(thing.id_data)
-            column.label(text="×".join(f"{v / metre:.1f}" for v in measured.size) + " m")
+            column.label(text=" × ".join(f"{v / metre:.1f}" for v in measured.size) + " m")
         if thing.distance >= 0:
-            column.label(text=f"{thing.distance:.1f} m from the drive")
+            column.label(text=f"{thing.distance:.1f} m away")
         if thing.moves:
-            column.label(text="moves: removed from every frame")
+            column.label(text="Moves: always removed")
         elif thing.first_frame:
-            column.label(text=f"{thing.frames} frames, {thing.first_frame} to {thing.last_frame}")
+            column.label(text=f"Frames {thing.first_frame} to {thing.last_frame}")
         if thing.chosen or thing.moves:
             row = box.row(align=True)
             row.prop(thing, "grow")
             row.prop(thing, "keep_shadow", toggle=True)
+            row.operator("unveil.set_like_active", text="", icon="COPYDOWN")
         row = box.row(align=True)
-        row.operator("unveil.toggle_object", text="Keep" if thing.chosen else "Remove").number = thing.number
-        row.operator("unveil.go_to_object", text="", icon="HIDE_OFF").number = thing.number
+        row.operator("unveil.go_to_object", text="Go to Best Frame", icon="HIDE_OFF").number = thing.number
         if selection.is_marked(thing):
             row.operator("unveil.remove_mark", text="", icon="TRASH").number = thing.number
 
 
-def _summary(scene: bpy.types.Scene) -> str:
+def _filter(column: bpy.types.UILayout, listed: selection.UnveilSelection) -> None:
+    """What the list shows, and in which order."""
+    wanted = listed.filter
+    row = column.row(align=True)
+    row.prop(wanted, "sort", text="")
+    row.prop(wanted, "reverse", text="", icon="SORT_DESC" if wanted.reverse else "SORT_ASC")
+    column.prop_search(wanted, "class_name", listed, "classes", text="", icon="OUTLINER_OB_GROUP_INSTANCE")
+    told = split(column)
+    told.prop(wanted, "smallest", text="Size from (m)")
+    told.prop(wanted, "farthest", text="Within (m)")
+    told.prop(wanted, "fewest", text="Frames from")
+    row = column.row(align=True)
+    row.operator("unveil.choose_shown", text="Remove Shown").chosen = True
+    row.operator("unveil.choose_shown", text="Keep Shown").chosen = False
+
+
+def _tools(column: bpy.types.UILayout, listed: selection.UnveilSelection) -> None:
+    """Beside the list, as Blender's own lists have them."""
+    column.operator("unveil.add_box", text="", icon="CUBE")
+    column.operator("unveil.add_mattes", text="", icon="IMAGE_DATA")
+    column.operator("unveil.outline_object", text="", icon="RESTRICT_SELECT_OFF")
+    column.separator()
+    column.operator("unveil.choose_in_box", text="", icon="SELECT_SET")
+    column.operator("unveil.choose_similar", text="", icon="SELECT_EXTEND")
+    column.separator()
+    column.prop(listed.filter, "opened", text="", icon="FILTER")
+    column.prop_menu_enum(listed, "boxes", text="", icon="SHADING_BBOX")
+    column.prop(listed, "ghosts", text="", icon="GHOST_ENABLED")
+
+
+def summary(scene: bpy.types.Scene) -> str:
     classes, numbers = selection.chosen_classes(scene), selection.chosen_numbers(scene)
     parts = [f"every {name}" for name in classes]
     if numbers:
         parts.append(f"{len(numbers)} single object{'s' if len(numbers) != 1 else ''}")
-    return "Removed: " + ", ".join(parts)
+    return "Will be removed: " + ", ".join(parts)
 
 
-CLASSES = (UNVEIL_UL_classes, UNVEIL_UL_objects, UNVEIL_PT_selection)
+class UNVEIL_PT_classes(Section, bpy.types.Panel):
+    """Whole classes, and what the colors of boxes mean."""
+
+    bl_idname = "UNVEIL_PT_classes"
+    bl_label = "Classes and Colors"
+    bl_parent_id = "UNVEIL_PT_selection"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, listed = self.layout, context.scene.unveil_selection
+        layout.template_list("UNVEIL_UL_classes", "", listed, "classes", listed, "active_class", rows=3, sort_lock=True)
+        layout.prop(listed, "all_classes")
+        row = layout.row(align=True)
+        for text, color in (("Stays", box_gizmos.STAYS), ("Goes", box_gizmos.GOES), ("Moves", box_gizmos.MOVES)):
+            row.label(text=text, icon_value=previews.plain_chip(text, color[:3]))
+
+
+CLASSES = (UNVEIL_UL_classes, UNVEIL_UL_objects, UNVEIL_PT_selection, UNVEIL_PT_classes)

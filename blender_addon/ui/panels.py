@@ -1,33 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar's tab: one panel a section. Each section's own panel is a subclass of :class:`Section` in its owner's file."""
+"""The sidebar's tab: one panel a section, in the order of work. Each section is a subclass of :class:`Section` in its owner's file.
+
+====  ========  =====================================================
+0     (none)    how it stands, the next step, progress
+1     Shot      footage, cameras
+2     Remove    what goes
+3     Unveil    settings of the run
+4     Look      before and after, what is shown
+5     Fix       frames by doubt, painting
+6     Output    plates, clip, mesh, the compositor, CG
+====  ========  =====================================================
+"""
 
 from __future__ import annotations
 
-import bpy
+from typing import Any
 
-__all__ = ["Section", "UNVEIL_PT_main"]
-
-
-class UNVEIL_PT_main(bpy.types.Panel):
-    """The frame that holds the sections."""
-
-    bl_idname = "UNVEIL_PT_main"
-    bl_label = "Unveil"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Unveil"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        pass
+__all__ = ["Section", "split"]
 
 
 class Section:
-    """What the panels of the sections share. ``bl_order``: the button 0, drive 1, what goes 2, run 3, results 4."""
+    """What the panels share; ``bl_order`` is the number above."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Unveil"
-    bl_parent_id = "UNVEIL_PT_main"
 
 
-CLASSES = (UNVEIL_PT_main,)
+def split(layout: Any) -> Any:
+    """A column whose properties have their names to the left, as Blender's own panels have them."""
+    column = layout.column()
+    column.use_property_split, column.use_property_decorate = True, False
+    return column

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -10,7 +11,7 @@ import bpy.utils.previews
 
 from ..formats.classes import color_of
 
-__all__ = ["chip", "thumbnail"]
+__all__ = ["chip", "plain_chip", "thumbnail"]
 
 _previews: Any = None
 CHIP_PX = 16
@@ -18,12 +19,15 @@ CHIP_PX = 16
 
 def chip(class_name: str) -> int:
     """Icon number of a class's colour; 0 where there are no icons."""
+    return plain_chip(f"class {class_name}", [c / 255 for c in color_of(class_name)])
+
+
+def plain_chip(key: str, color: Sequence[float]) -> int:
+    """Icon number of a color, sRGB from 0 to 1; 0 where there are no icons."""
     if _previews is None:
         return 0
-    key = f"class {class_name}"
     if key not in _previews:
         made = _previews.new(key)
-        color = [c / 255 for c in color_of(class_name)]
         edge = {0, CHIP_PX - 1}
         pixels = [
             v

@@ -59,7 +59,7 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
     """Look for the Python that has unveil; tell its versions, this machine, and what to do about what is wrong"""
 
     bl_idname = "unveil.check_python"
-    bl_label = "Check"
+    bl_label = "Check Python"
 
     _looking: Thorough | None = None
 
@@ -122,7 +122,7 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
     """Make a Python environment in the extension's user folder and install unveil into it (2 GB of disk, more with CUDA)"""
 
     bl_idname = "unveil.create_environment"
-    bl_label = "Create environment"
+    bl_label = "Install"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

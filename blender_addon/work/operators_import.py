@@ -24,7 +24,7 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
     """Import the drive into its workspace, and list the objects that could be removed"""
 
     bl_idname = "unveil.import_drive"
-    bl_label = "Import drive"
+    bl_label = "Import Drive"
 
     filepath: StringProperty(
         name="Drive", subtype="FILE_PATH", description="Empty: the scene's", options={"SKIP_SAVE", "HIDDEN"}

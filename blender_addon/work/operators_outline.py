@@ -32,7 +32,7 @@ class UNVEIL_OT_outline_object(JobOperator, bpy.types.Operator):
     """Click on something in this frame, and it is outlined in all frames and can be removed"""
 
     bl_idname = "unveil.outline_object"
-    bl_label = "Outline by clicks"
+    bl_label = "Outline by Clicks"
     bl_options = {"REGISTER"}
 
     class_name: StringProperty(name="Name", default="object", description="Name of the object in the list")

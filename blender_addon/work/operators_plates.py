@@ -26,11 +26,11 @@ class UNVEIL_OT_plates(JobOperator, bpy.types.Operator):
     """Write clean plates and a matte of each removed object at full size, with a node group that dials each object back"""
 
     bl_idname = "unveil.plates"
-    bl_label = "Plates for compositing"
+    bl_label = "Plates for Compositing"
 
     lens: EnumProperty(name="Lens", items=compositing.LENSES, default="DELIVERED")
     add: BoolProperty(
-        name="Add to compositor",
+        name="Add to Compositor",
         description="Put the group into the scene's compositor; nothing there is linked anew",
         default=False,
         options={"SKIP_SAVE"},
@@ -81,7 +81,7 @@ class UNVEIL_OT_add_to_compositor(bpy.types.Operator):
     """Put the node group of the plates into the scene's compositor, beside what is there; nothing is linked anew"""
 
     bl_idname = "unveil.add_to_compositor"
-    bl_label = "Add to compositor"
+    bl_label = "Add to Compositor"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod

@@ -88,7 +88,7 @@ class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
     """Run this stage alone, with the settings as they are now"""
 
     bl_idname = "unveil.stage"
-    bl_label = "Run stage"
+    bl_label = "Run Stage"
 
     stage: EnumProperty(name="Stage", items=[(name, label, "") for name, label in workspace_state.STAGES.items()])
 
@@ -142,7 +142,7 @@ class UNVEIL_OT_show_log(bpy.types.Operator):
     """Open the full log of the latest job in a text editor"""
 
     bl_idname = "unveil.show_log"
-    bl_label = "Show log"
+    bl_label = "Show Log"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

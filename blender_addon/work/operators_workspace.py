@@ -23,7 +23,7 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
     """Load the results of the workspace into the scene; what is there already is brought up to date"""
 
     bl_idname = "unveil.load_workspace"
-    bl_label = "Open results"
+    bl_label = "Open Results"
     bl_options = {"REGISTER", "UNDO"}
 
     directory: StringProperty(
@@ -72,7 +72,7 @@ class UNVEIL_OT_find_workspace(bpy.types.Operator):
     """Choose the folder that the workspace was moved to; pictures, strips and lists are found there again"""
 
     bl_idname = "unveil.find_workspace"
-    bl_label = "Find results…"
+    bl_label = "Find Results…"
     bl_options = {"REGISTER", "UNDO"}
 
     directory: StringProperty(name="Workspace", subtype="DIR_PATH", options={"SKIP_SAVE"})

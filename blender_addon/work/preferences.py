@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from .. import __package__ as ADDON  # not this folder: Blender knows the add-on by the package above
 from ..worker import environment
 from ..worker.base_python import lost_base
 from ..worker.interpreter import Candidate, Found, candidates, check, find, venv_python
-from ..worker.session import session
+from .installing import page
 
 __all__ = [
     "OFFLINE",
@@ -35,7 +35,7 @@ __all__ = [
 PYTORCH_CPU = "https://download.pytorch.org/whl/cpu" if sys.platform.startswith("linux") else ""
 """On Linux the usual index has builds with CUDA, of gigabytes; elsewhere the usual ones are for the processor."""
 
-OFFLINE = "turn on Preferences > System > Network > Online Access, or name a Folder of wheels"
+OFFLINE = "turn on Preferences > System > Network > Online Access, or name a Folder of Wheels"
 
 _known: dict[str, Found] = {}
 """By what the preferences name: the interpreter that was found for it."""
@@ -65,22 +65,22 @@ class UnveilPreferences(bpy.types.AddonPreferences):
         description="The Python that has unveil, or the folder of its virtual environment; empty: looked for in the usual places",
     )
     install_from: StringProperty(
-        name="Install from",
-        description="What Create environment installs: a wheel, a source folder or an address; empty: the unveil that came with "
+        name="Install From",
+        description="What Install installs: a wheel, a source folder or an address; empty: the unveil that came with "
         "the add-on",
     )
     wheels: StringProperty(
-        name="Folder of wheels",
+        name="Folder of Wheels",
         subtype="DIR_PATH",
         update=_whole_path("wheels"),
-        description="Create environment installs from this folder alone, without a network: make wheels fills one; "
+        description="Install takes all from this folder, without a network: make wheels fills one; "
         "empty: from the package index",
     )
     torch_index: StringProperty(
-        name="Index for torch",
+        name="Index for Torch",
         default=PYTORCH_CPU,
         description="Package index that torch comes from; empty: the usual one, whose torch for Linux has CUDA. "
-        "Without meaning where a Folder of wheels is named",
+        "Without meaning where a Folder of Wheels is named",
     )
     segmenter: StringProperty(
         name="Segmenter",
@@ -89,48 +89,9 @@ class UnveilPreferences(bpy.types.AddonPreferences):
         description="The usual network that labels frames: the import dialog proposes it; FILE.toml beside it tells how",
     )
 
-    show_installation: BoolProperty(name="Advanced installation", options={"SKIP_SAVE"})
-
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.label(text="Then: 3D View, N, tab Unveil; or File > Import > Street drive", icon="INFO")
-        layout.prop(self, "python")
-        row = layout.row()
-        row.operator("unveil.check_python", icon="VIEWZOOM")
-        row.operator("unveil.create_environment", icon="IMPORT")
-        if session.busy:
-            row.operator("unveil.cancel", icon="CANCEL")
-        found = known(self)
-        lines = found.lines() if found else ["This Python was not checked yet: press Check."]
-        if not bpy.ops.unveil.check_python.poll():  # it is at it
-            lines = [*lines[:-1], "Looking at what it can do …"]
-        for line in lines:
-            layout.label(text=line, icon=_icon(found, line))
-        ready = found is not None and found.ok
-        if not may_install(self) and not ready:
-            layout.label(text=f"Create environment: {OFFLINE}", icon="INTERNET_OFFLINE")
-        elif session.last is not None and session.last.stage == "environment":
-            state = session.last
-            if state.running:
-                layout.progress(factor=state.fraction, text=state.message)
-            elif state.error:
-                layout.label(text=state.error, icon="ERROR")
-        opened = self.show_installation
-        layout.prop(self, "show_installation", icon="DOWNARROW_HLT" if opened else "RIGHTARROW", emboss=False)
-        if not opened:
-            return
-        column = layout.column()
-        column.prop(self, "wheels")
-        column.prop(self, "install_from")
-        index = column.row()
-        index.enabled = not self.wheels.strip()
-        index.prop(self, "torch_index")
-
-
-def _icon(found: Found | None, line: str) -> str:
-    if found is None:
-        return "NONE"
-    return "ERROR" if line == found.problem else "INFO" if line in found.advice() else "NONE"
+        looking = not bpy.ops.unveil.check_python.poll()
+        page.draw(self.layout, self, known(self), looking=looking, may_install=may_install(self))
 
 
 def may_install(chosen: Any) -> bool:

@@ -93,7 +93,7 @@ def requirement(named: str = "", addon: Path = ADDON) -> str:
         LookupError: neither is there (whatever a registry calls unveil-core may be another's), or what came is not whole.
     """
     if named.strip():
-        return _of_the_user(named, "Install from")
+        return _of_the_user(named, "Install From")
     wheels = sorted((addon / "core").glob("unveil_core-*.whl"))
     mend = "install the extension again, or name what to install"
     if not wheels:
@@ -120,14 +120,14 @@ def wheels_folder(named: str, wanted: str) -> Path | None:
     """
     if not named.strip():
         return None
-    folder = Path(_of_the_user(named, "Folder of wheels")).expanduser()
+    folder = Path(_of_the_user(named, "Folder of Wheels")).expanduser()
     if not folder.is_dir():
         raise LookupError(f"{folder}: there is no such folder of wheels")
     if not any(folder.glob("*.whl")):
-        raise LookupError(f"{folder} has no wheels: fill it with `make wheels FOLDER=…`, or empty Folder of wheels")
+        raise LookupError(f"{folder} has no wheels: fill it with `make wheels FOLDER=…`, or empty Folder of Wheels")
     if "://" in wanted:
         raise LookupError(
-            "Install from is an address: with Folder of wheels nothing is fetched, so empty one of the two"
+            "Install From is an address: with Folder of Wheels nothing is fetched, so empty one of the two"
         )
     return folder
 
@@ -207,7 +207,7 @@ NETWORK_TROUBLES = (
         r"certificate.verify.failed|self.signed certificate|unable to get local issuer|certificate is not trusted|"
         r"SSLCertVerificationError",
         "its certificate is not trusted: does the company's network open encrypted connections? Set PIP_CERT to its root "
-        "certificate, a .pem file, before Blender starts; or name a Folder of wheels",
+        "certificate, a .pem file, before Blender starts; or name a Folder of Wheels",
     ),
     (
         r"proxy authentication|cannot connect to proxy|proxyerror|tunnel connection failed",

@@ -36,7 +36,7 @@ print(json.dumps(found))
 LITTLE_MEMORY_GB, LITTLE_DISK_GB = 8, 5
 """Below these *Check* advises. docs/benchmarks.md has a run of 200 frames of 1920x1080 that takes 4.2 GB of memory and 0.9 GB of
 disk, and an environment takes 2 GB; the rest of the machine wants some, too."""
-MEND = "press Create environment, or name another Python above"
+MEND = "press Install, or name another Python under Advanced"
 
 
 @dataclass(frozen=True)
@@ -88,14 +88,14 @@ class Found:
         facts, said = self.facts, []
         addon, unveil = _numbers(facts.get("addon")), _numbers(facts.get("unveil"))
         if self.ok and unveil and addon and unveil[:2] != addon[:2]:
-            mend = "press Create environment" if unveil < addon else "update the add-on"
+            mend = "press Install" if unveil < addon else "update the add-on"
             said.append(f"unveil {facts['unveil']} is not of this add-on's version {facts['addon']}: {mend}")
         if facts.get("gpu_unused"):
-            said.append("This torch cannot use the NVIDIA GPU: empty Index for torch and press Create environment")
+            said.append("This torch cannot use the NVIDIA GPU: empty Index for Torch and press Install")
         if _less(facts, "memory_gb", LITTLE_MEMORY_GB):
             said.append("Little memory: choose Draft, or a part of the drive in Frames")
         if _less(facts, "work_free_gb", LITTLE_DISK_GB):
-            said.append("Little free disk: make room, or choose another Workspace before you import")
+            said.append("Little free disk: make room, or choose another Results Folder before you import")
         return said
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from blender_addon.formats.boxes import SceneBox, box_around, pick
+from blender_addon.formats.boxes import SceneBox, box_around, pick, within
 
 
 def test_the_nearest_box_under_the_pointer_is_picked() -> None:
@@ -39,3 +39,14 @@ def test_a_box_around_its_own_corners_is_itself() -> None:
     box = SceneBox((3.0, -2.0, 0.7), (4.2, 1.8, 1.5), 0.7)
     again = box_around(box.corners, 0.7)
     assert np.allclose(again.centre, box.centre) and np.allclose(again.size, box.size)
+
+
+def test_a_rectangle_holds_the_boxes_whose_middle_it_holds() -> None:
+    perspective = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, -0.2], [0, 0, -1, 0]], np.float64)
+    places = ((-2, 0, -10), (2, 0, -10), (2, 3, -10), (0, 0, 10))  # the last is behind the viewer
+    corners = np.stack([SceneBox(place, (1, 1, 1), 0.3).corners for place in places])
+    size = (200, 100)
+    assert within((0, 0, 200, 100), corners, perspective, size).tolist() == [True, True, True, False]
+    assert within((100, 0, 200, 100), corners, perspective, size).tolist() == [False, True, True, False]
+    assert within((100, 0, 200, 60), corners, perspective, size).tolist() == [False, True, False, False]
+    assert not within((0, 0, 5, 5), corners, perspective, size).any()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import outside
 
-CAPS = {"scene.results": {"MOST_TRIANGLES": 2000, "MOST_SPLATS": 700}, "scene.drive_scene": {"MOST_POINTS": 500}}
+CAPS = {"scene.drive_scene": {"MOST_POINTS": 500}, "scene.results": {"MOST_TRIANGLES": 2000}}
 
 
 @pytest.fixture
@@ -47,9 +47,8 @@ def test_the_view_has_less_and_the_files_all(addon, scene, loaded: Path) -> None
         assert moved.max() < 0.08 * np.ptp(whole, axis=0).max()
         colors = np.array([c.color_srgb[:3] for c in thing.data.color_attributes["Col"].data]) * 255
         assert np.abs(colors.mean(axis=0) - file.colors.mean(axis=0)).max() < 30
-    points, splats = bpy.data.objects["Points"], bpy.data.objects["Gaussians after"]
-    assert len(points.data.polygons) == 4 * 500 == 4 * points["unveil_points_shown"] < points["unveil_points"]
-    assert len(splats.data.polygons) == 700 < splats["unveil_gaussians"]
+    points = bpy.data.objects["Points"]
+    assert len(points.data.vertices) == 500 == points["unveil_points_shown"] < points["unveil_points"]
 
 
 def test_full_detail_and_back(addon, scene, loaded: Path) -> None:
@@ -173,6 +172,5 @@ def test_the_workspace_of_the_benchmark_is_read(addon, scene, tmp_path: Path) ->
     assert (
         abs(things["Mesh after"]["unveil_triangles"] / 20_000 - 1) < 0.05 and things["Points"]["unveil_points"] == 3000
     )
-    assert things["Gaussians before"]["unveil_gaussians"] == 400
-    lows = [np.min(places(things[name].data), axis=0) for name in ("Mesh after", "Points", "Gaussians before")]
+    lows = [np.min(places(things[name].data), axis=0) for name in ("Mesh after", "Points")]
     assert np.ptp(lows, axis=0).max() < 1.5  # in the same place

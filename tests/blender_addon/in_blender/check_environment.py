@@ -61,7 +61,7 @@ def test_a_path_from_the_open_file_is_made_whole_or_refused(addon, chosen, tmp_p
             bpy.ops.unveil.check_python()
         online()
         chosen.install_from = "/nowhere/unveil_core-0.1.0-py3-none-any.whl"
-        with pytest.raises(RuntimeError, match="Folder of wheels begins with //"):
+        with pytest.raises(RuntimeError, match="Folder of Wheels begins with //"):
             bpy.ops.unveil.create_environment()
     chosen.python = ""
 
@@ -125,9 +125,9 @@ def test_it_is_made_with_a_copy_of_blenders_own_python_and_found_and_a_base_that
     assert any((base / "lib").glob("python3*/encodings"))
 
     shutil.rmtree(base)
-    with pytest.raises(RuntimeError, match="made with is gone.*press Create environment"):
+    with pytest.raises(RuntimeError, match="made with is gone.*press Install"):
         bpy.ops.unveil.check_python()
     bpy.context.scene.unveil.drive = str(tmp_path)
-    with pytest.raises(RuntimeError, match="made with is gone.*press Create environment"):
+    with pytest.raises(RuntimeError, match="made with is gone.*press Install"):
         bpy.ops.unveil.run()
     assert any("is gone" in line for line in preferences.known(chosen).lines())

@@ -23,7 +23,7 @@ def ours() -> set[str]:
 def test_unregister_takes_everything_back(addon) -> None:
     package = sys.modules[addon.package]
     before = ours()
-    assert {"UNVEIL_PT_main", "unveil", "unveil_view", "unveil_selection"} <= before
+    assert {"UNVEIL_PT_work", "unveil", "unveil_view", "unveil_selection"} <= before
     package.unregister()
     assert not ours()
     package.unregister()  # there is nothing more to take back

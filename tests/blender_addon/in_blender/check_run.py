@@ -287,18 +287,30 @@ def test_what_an_undo_step_took_back_is_named_again_with_the_results(addon, scen
     assert (scene.unveil.drive, scene.unveil.workspace) == (str(street), str(workspace))
 
 
-def test_the_panel_draws_in_every_state(addon, empty) -> None:
+def test_the_panel_draws_in_every_state(addon, empty, monkeypatch) -> None:
     """With a layout that records: drawing needs no window."""
-    panel_run = addon.module("ui.panel_run")
+    import bpy
+
+    panel_run, next_step = addon.module("ui.panel_run"), addon.module("ui.next_step")
     session = addon.module("worker.session").session
     job_state = addon.module("worker.job_state")
-    assert "unveil.run" in drawn(panel_run.UNVEIL_PT_work)
+    assert {"unveil.import_drive", "Footage Chosen"} <= set(drawn(panel_run.UNVEIL_PT_work))
+    named, empty.unveil.drive = empty.unveil.drive, ""
+    assert {"unveil.open_drive", "Nothing Imported Yet"} <= set(drawn(panel_run.UNVEIL_PT_work))
+    empty.unveil.drive = named
+    python_state = addon.module("ui.telling.python_state")
+    monkeypatch.setattr(python_state, "is_missing", lambda context: True)
+    assert next_step.next_step(bpy.context).operator == "unveil.show_preferences"
+    monkeypatch.undo()
     assert "There is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
     session.last = job_state.JobState(
         status="failed", error="frames/03.png: is cut short (copy it again from its source)"
     )
     try:
         assert "cut short" in " ".join(drawn(panel_run.UNVEIL_PT_work))
+        status = addon.module("ui.status_bar")
+        assert status.told() == (session.last.error, "ERROR")
+        assert bpy.ops.unveil.dismiss() == {"FINISHED"} and status.told() == ("", "")
     finally:
         session.last = None
     python = os.environ["UNVEIL_PYTHON"]
@@ -307,10 +319,19 @@ def test_the_panel_draws_in_every_state(addon, empty) -> None:
         session.last.read('{"stage": "mesh", "done": 3, "total": 8, "message": "fusing", "loss": 0.25}')
         said = drawn(panel_run.UNVEIL_PT_work)
         assert "unveil.cancel" in said and "unveil.run" not in said
-        assert {"a sleep: Mesh", "3/8  fusing", "loss 0.2500"} <= set(said)
+        assert said[:2] == ["a sleep: Mesh", "38 %"] and not any("loss" in text for text in said)
+        # One bar for the whole run: half of it where the second of two stages has just begun, and it never goes back.
         session.last.planned = ("inpaint", "mesh")
-        session.last.metrics, session.last.message = {}, ""
-        assert drawn(panel_run.UNVEIL_PT_work)[:3] == ["a sleep: Stage 2 of 2: Mesh", "38 %", "3/8"]
+        session.last.read('{"stage": "mesh", "done": 0, "total": 8, "message": ""}')
+        assert drawn(panel_run.UNVEIL_PT_work)[:2] == ["a sleep: Mesh (2 of 2)", "50 %"]
+        session.last.read('{"stage": "inpaint", "done": 1, "total": 8, "message": ""}')
+        assert drawn(panel_run.UNVEIL_PT_work)[1] == "50 %"
+        # As soon as the run itself says what is left, that counts.
+        session.job.started -= 300
+        session.last.read('{"stage": "mesh", "done": 4, "total": 8, "message": "", "left_s": 100}')
+        assert drawn(panel_run.UNVEIL_PT_work)[1] == "75 %, 1 min 40 s left"
+        part, text = addon.module("ui.status_bar").status_text()
+        assert abs(part - 0.75) < 0.01 and text == "a sleep: Mesh (2 of 2)  ·  1 min 40 s left"
     finally:
         session.end()
         session.last = None
@@ -340,7 +361,7 @@ def drawn(panel) -> list[str]:  # type: ignore[no-untyped-def]
 
     said: list[str] = []
     stand_in = types.SimpleNamespace(layout=Recorder(said))
-    for name in ("_progress", "_outcome", "_stages", "_stage", "_active"):
+    for name in ("_progress", "_outcome", "_stages", "_stage", "_active", "_versions"):
         if hasattr(panel, name):
             setattr(stand_in, name, types.MethodType(getattr(panel, name), stand_in))
     panel.draw(stand_in, bpy.context)

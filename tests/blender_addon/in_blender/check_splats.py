@@ -200,21 +200,22 @@ def test_loaded_again_it_is_the_same_object(addon, scene, native, surfels: Path)
     assert len(bpy.data.pointclouds) == 2
 
 
-def test_a_file_from_the_other_sort_of_blender_is_brought_up_to_date(
-    addon, scene, native, surfels: Path, monkeypatch
-) -> None:
+def test_squares_of_a_version_before_go(addon, scene, native, surfels: Path, monkeypatch) -> None:
     import bpy
 
-    versions = addon.module("scene.versions")
-    with monkeypatch.context() as other:
-        other.setattr(versions, "has_native_splats", lambda: False)
+    versions, blocks = addon.module("scene.versions"), addon.module("scene.blocks")
+    bpy.ops.unveil.load_workspace(directory=str(surfels))
+    thing = bpy.data.objects["Gaussians after"]
+    mark, place = thing["unveil_drive"], thing.users_collection[0]
+    for is_native in (True, False):
+        if (cloud := bpy.data.objects.get("Gaussians after")) is not None:
+            bpy.data.objects.remove(cloud)
+        mesh = bpy.data.meshes.new("Gaussians after")
+        blocks.ensure_object(mesh, mark, "splats:empty", "Gaussians after", place)
+        monkeypatch.setattr(versions, "has_native_splats", lambda is_native=is_native: is_native)
         bpy.ops.unveil.load_workspace(directory=str(surfels))
-        assert bpy.data.objects["Gaussians after"].type == "MESH"
-    bpy.ops.unveil.load_workspace(directory=str(surfels))
-    assert bpy.data.objects["Gaussians after"].type == "POINTCLOUD" and "Gaussians after" not in bpy.data.meshes
-    monkeypatch.setattr(versions, "has_native_splats", lambda: False)
-    bpy.ops.unveil.load_workspace(directory=str(surfels))
-    assert bpy.data.objects["Gaussians after"].type == "MESH" and not bpy.data.pointclouds
+        assert "Gaussians after" not in bpy.data.meshes
+        assert ("Gaussians after" in bpy.data.objects) == is_native
 
 
 def test_a_damaged_file_is_named(addon, scene, native, surfels: Path) -> None:

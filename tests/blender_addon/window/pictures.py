@@ -1,8 +1,9 @@
-"""Pictures of a finished workspace in Blender's window: frame before and after, and the mesh beside it.
+"""The pictures of the pages, of a finished workspace in Blender's window: choosing, a job, a wipe, painting, results.
 
     python tests/blender_addon/window/pictures.py --blender blender --extension ZIP --workspace WORKSPACE -o OUT [--frame 9]
+        [--into blender_addon/pictures]
 
-Made for readers, not for tests: nothing is asserted.
+Made for readers, not for tests: nothing is asserted. They are made anew by make test-window, so that none shows what is no more.
 """
 
 from __future__ import annotations
@@ -64,6 +65,36 @@ def shrink(pictures: list[Path], made: Path, *options: str) -> None:
     )
 
 
+def of_work(window: BlenderWindow, out: Path, frame: int) -> None:
+    """Choosing, a job that runs and a wipe: the whole window, as an artist has it."""
+    window.tell(f"scene = bpy.context.scene; scene.frame_set({frame}); scene.unveil_view.state = 'BEFORE'")
+    window.move(600, 900)
+    time.sleep(2)
+    shrink([window.picture("choose")], out / "choose.jpg", "-resize", "1280x")
+    window.tell("scene.unveil_view.state = 'AFTER'; scene.unveil_view.compare = 'WIPE'")
+    time.sleep(2)
+    shrink([window.picture("compare")], out / "compare.jpg", "-resize", "1280x")
+    window.tell("scene.unveil_view.compare = 'NONE'")
+    window.tell(
+        "window, area, region = region_of('VIEW_3D', 'WINDOW')\n"
+        "with bpy.context.temp_override(window=window, area=area, region=region):\n"
+        "    bpy.ops.unveil.stage('INVOKE_DEFAULT', stage='mesh')"
+    )
+    window.until("told()[2] > 0 or not session().busy", 120)
+    time.sleep(1)
+    shrink([window.picture("running")], out / "running.jpg", "-resize", "1280x")
+    window.until("not session().busy", 300)
+    time.sleep(2)
+
+
+def painting(window: BlenderWindow, out: Path) -> None:
+    """A clean frame in an Image Editor of its own; last, for from then on results are out of date."""
+    window.tell("bpy.ops.unveil.paint_frame()")
+    window.until("area_of('IMAGE_EDITOR') is not None", 20)
+    time.sleep(2)
+    shrink([window.picture("fix")], out / "fix.jpg", "-resize", "1280x")
+
+
 def main() -> int:
     """All of it."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -72,19 +103,21 @@ def main() -> int:
     parser.add_argument("--python", default=sys.executable, help="interpreter with unveil_core's dependencies")
     parser.add_argument("--workspace", type=Path, required=True, help="of a finished run")
     parser.add_argument("--frame", type=int, default=9)
+    parser.add_argument("--into", type=Path, help="folder that the pages show: the pictures are copied there")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the pictures, made anew")
     given = parser.parse_args()
     out = given.output.absolute()
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    python = unveil_python(out, given.python)
+    python, workspace = unveil_python(out, given.python), out / "ws"
+    shutil.copytree(given.workspace, workspace)  # a stage is run again, and a frame painted on
     with BlenderWindow(given.blender, out, environ={"BLENDER_USER_RESOURCES": str(out / "user")}) as window:
         ready(window, given.extension.absolute(), python)
-        window.tell("bpy.data.batch_remove(bpy.data.objects)")
-        window.tell(f"bpy.ops.unveil.load_workspace(directory={str(given.workspace.absolute())!r})")
-        window.tell(
-            f"scene = bpy.context.scene; scene.frame_set({given.frame}); scene.unveil_selection.show_boxes = False"
-        )
+        window.tell(f"bpy.ops.unveil.load_workspace(directory={str(workspace)!r})")
+        time.sleep(2)
+        frame = 1001 + given.frame
+        of_work(window, out, frame)
+        window.tell(f"scene.frame_set({frame}); scene.unveil_selection.boxes = 'NONE'; scene.unveil_view.shown = set()")
         window.tell(PICTURE_ALONE)
         left, top, right, bottom = window.ask("rectangle('VIEW_3D', 'WINDOW')")
         window.tell("module('scene.drive_scene')._fill(area_of('VIEW_3D')[1], *scene.camera['unveil_size'])")
@@ -104,6 +137,9 @@ def main() -> int:
         window.tell(SEEN)
         time.sleep(2)
         shrink([window.picture("result")], out / "result.jpg", "-resize", "1280x")
+        painting(window, out)
+    for made in sorted(out.glob("*.jpg")) if given.into is not None else ():
+        shutil.copy(made, given.into / made.name)
     return 0
 
 

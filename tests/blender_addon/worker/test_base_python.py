@@ -87,7 +87,7 @@ def test_an_environment_with_a_copied_base_outlives_blender(
     if found is not None and found.ok:  # this Python has unveil
         found = find(candidates(own=venv_python(broken), environ={}))
     assert found is not None and not found.ok and found.source == "made by the add-on"
-    assert "made with is gone" in found.problem and "press Create environment" in found.problem
+    assert "made with is gone" in found.problem and "press Install" in found.problem
 
     shutil.rmtree(kept / "base")
     assert lost_base(kept) and not starts(kept)

@@ -164,9 +164,9 @@ def test_what_is_installed(tmp_path: Path) -> None:
     wheel = tiny_core(tmp_path)
     assert environment.requirement(addon=tmp_path) == str(wheel) and environment.locks(tmp_path) == wheel.parent
     assert environment.requirement(" ../source ", addon=tmp_path) == "../source"
-    with pytest.raises(LookupError, match="Install from begins with //"):  # and leads to beside a stranger's file
+    with pytest.raises(LookupError, match="Install From begins with //"):  # and leads to beside a stranger's file
         environment.requirement("//unveil.whl", addon=tmp_path)
-    with pytest.raises(LookupError, match="Folder of wheels begins with //"):
+    with pytest.raises(LookupError, match="Folder of Wheels begins with //"):
         environment.wheels_folder("//wheels", "unveil")
 
 

@@ -105,8 +105,8 @@ def test_what_hinders_is_told_with_what_to_do() -> None:
     lines = Found(Path("/python"), "named", True, facts=facts).lines()
     assert "GPU: none that torch can use; Unveil works on the processor" in lines
     older, gpu, memory, disk, ready = lines[-5:]
-    assert older == f"unveil 0.0.1 is not of this add-on's version {addon_version()}: press Create environment"
-    assert gpu == "This torch cannot use the NVIDIA GPU: empty Index for torch and press Create environment"
+    assert older == f"unveil 0.0.1 is not of this add-on's version {addon_version()}: press Install"
+    assert gpu == "This torch cannot use the NVIDIA GPU: empty Index for Torch and press Install"
     assert memory.startswith("Little memory: choose Draft") and disk.startswith("Little free disk: make room")
     assert ready == "Ready."
     newer = Found(Path("/python"), "named", True, facts={"addon": addon_version(), "unveil": "99.0.0"})
@@ -126,7 +126,7 @@ def test_what_is_wrong_is_one_line_with_its_mend(tmp_path: Path) -> None:
     venv.create(tmp_path / "bare", with_pip=False, symlinks=True)
     bare = check(Candidate(venv_python(tmp_path / "bare"), "bare"))
     assert not bare.ok and "unveil_core is not there (ModuleNotFoundError" in bare.problem
-    assert bare.lines()[-1].endswith("(press Create environment, or name another Python above)")
+    assert bare.lines()[-1].endswith("(press Install, or name another Python under Advanced)")
     broken = check(Candidate(fake(tmp_path / "broken"), "broken"))
     assert not broken.ok and broken.problem.startswith("this Python does not start: exit code 3")
     old = tmp_path / "old"
