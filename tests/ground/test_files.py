@@ -85,10 +85,10 @@ def test_nothing_is_unpickled_and_nothing_half_read(tmp_path: Path) -> None:
     with pytest.raises(WorkspaceError, match="Not found"):
         read_ground(path)
     np.savez(path, axes=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(WorkspaceError, match="no readable ground"):
+    with pytest.raises(WorkspaceError, match="Not a readable ground"):
         read_ground(path)
     write_ground(WHOLE, path)
     for content in (b"", b"ground", path.read_bytes()[:-200], path.read_bytes()[:400] + path.read_bytes()[500:]):
         path.write_bytes(content)
-        with pytest.raises(WorkspaceError, match="no readable ground"):
+        with pytest.raises(WorkspaceError, match="Not a readable ground"):
             read_ground(path)

@@ -51,8 +51,9 @@ MESSAGES = {
     "debug": (("--debug",), "show tracebacks"),
 }
 """Options of all verbs, before or after them, with their help."""
-DRIVE = "a transforms.json, or the folder of a drive: nerfstudio, COLMAP, KITTI, nuScenes, Waymo, …"
-SETTINGS_FILE = 'settings from a file, as quality = "draft"; options come before it'
+DRIVE = "a transforms.json, or the folder of a dataset"
+CLIP = "; or a clip, with options of unveil solve (--help-all)"
+SETTINGS_FILE = 'settings from a file, as quality = "draft"'
 
 _Verbs = Any
 """What ``add_subparsers`` returns; argparse gives it no public name."""
@@ -93,17 +94,16 @@ def _add_whole_runs(verbs: _Verbs) -> None:
         if name == "demo":
             p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
         else:
-            p.add_argument("drive", type=Path, help=DRIVE)
+            p.add_argument("drive", type=Path, help=DRIVE + CLIP * (name == "run"))
             p.add_argument(
                 "-o",
                 "--output",
                 type=Path,
                 required=True,
                 metavar="WORKSPACE",
-                help="folder of the results; one that is there is continued with the settings that it was made with",
+                help="folder of the results, which keeps its settings",
             )
         if name == "run":
-            _add_footage(p)
             p.add_argument(
                 "--until", choices=tuple(STAGE_VERBS), default=None, metavar="STAGE", help="the last stage to run"
             )
@@ -111,12 +111,14 @@ def _add_whole_runs(verbs: _Verbs) -> None:
             p.add_argument(
                 "--preview", action="store_true", help="draw labels and objects over the frames: WORKSPACE/preview"
             )
-        p.add_argument("--reset", action="store_true", help="take the defaults, not the settings of the workspace")
-        p.add_argument("--dry-run", action="store_true", help="say what would run, why, and how long; write nothing")
+        p.add_argument("--reset", action="store_true", help="take defaults, not the workspace's settings")
+        p.add_argument("--dry-run", action="store_true", help="say what would run, why, and how long")
         if name != "demo":
-            _add_replace(p, "give a workspace with results of another drive this one: they are replaced")
+            _add_replace(p, "replace results of another drive")
             _add_yes(p)
         _add_settings(p)
+        if name == "run":
+            _add_footage(p, hidden=True)
         _add_common(p)
 
 
@@ -153,19 +155,24 @@ def _add_solve(verbs: _Verbs) -> None:
     _add_common(p)
 
 
-def _add_footage(p: argparse.ArgumentParser) -> None:
-    """Options of clips and photographs, which ``unveil run`` takes as well."""
+def _add_footage(p: CommandParser, *, hidden: bool = False) -> None:
+    """Options of clips and photographs, which ``unveil run`` takes as well; hidden: only ``--help-all`` explains them."""
+    group = p.add_argument_group("clips and photographs")
 
     def add(name: str, **options: Any) -> None:
-        p.add_argument(name, default=argparse.SUPPRESS, **options)
+        options["default"] = argparse.SUPPRESS
+        if hidden:
+            p.expert(group, name, **options)
+        else:
+            group.add_argument(name, **options)
 
-    add("--every", type=int, metavar="N", help="of a clip: each N-th frame alone")
-    add("--lens", choices=("simple", "opencv", "fisheye"), help="of a clip: the model of its lens (simple)")
-    add("--focal", metavar="PIXELS|26mm", help="of a clip: focal length, in pixels or as of 35 mm film")
-    add("--speed", type=_number, metavar="KM/H", help="of a clip: mean speed, from which the scale follows")
-    add("--known-length", type=_number, metavar="METRES", help="of a clip: length of its way, likewise")
-    add("--gpx", type=Path, metavar="FILE.gpx", help="of a clip: track of the drive, likewise")
-    add("--thorough", action="store_true", help="of a clip: three times the features, in three times the time")
+    add("--every", type=int, metavar="N", help="each N-th frame alone")
+    add("--lens", choices=("simple", "opencv", "fisheye"), help="model of the lens [simple]")
+    add("--focal", metavar="PIXELS|26mm", help="focal length, in pixels or as of 35 mm film [found]")
+    add("--speed", type=_number, metavar="KM/H", help="mean speed: gives the scale")
+    add("--known-length", type=_number, metavar="METRES", help="length of the way: gives the scale")
+    add("--gpx", type=Path, metavar="FILE.gpx", help="track of the drive: gives the scale")
+    add("--thorough", action="store_true", help="three times the features, in three times the time")
 
 
 def _add_check(verbs: _Verbs) -> None:
@@ -397,13 +404,13 @@ def _add_bench(verbs: _Verbs) -> None:
 
 def _add_common(p: CommandParser) -> None:
     group = p.add_argument_group("messages")
+    told_apart = "--help-all" in p._option_string_actions
     for name, (words, text) in MESSAGES.items():  # a default here would write over what was given before the verb
-        group.add_argument(*words, dest=name, action="store_true", default=argparse.SUPPRESS, help=text)
-    group.add_argument(
-        "--end-with-stdin",
-        action="store_true",
-        help="cancel when standard input closes: when the program that started this one ends",
-    )
+        add = p.expert if told_apart and name == "debug" else argparse._ArgumentGroup.add_argument
+        add(group, *words, dest=name, action="store_true", default=argparse.SUPPRESS, help=text)
+    add = p.expert if told_apart else argparse._ArgumentGroup.add_argument
+    text = "cancel when standard input closes: when the program that started this one ends"
+    add(group, "--end-with-stdin", action="store_true", help=text)
 
 
 def _add_settings(p: CommandParser) -> None:
