@@ -2,7 +2,7 @@
 
     python requirements/release.py dist
 
-``make dist`` ends with it. A version that the changelog calls "Unreleased" is said, and is no mistake before the day of the release.
+``make dist`` ends with it. A version that the changelog calls "Unreleased" is said: it is no mistake before the release.
 """
 
 from __future__ import annotations

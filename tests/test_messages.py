@@ -14,7 +14,9 @@ from unveil_core.base import errors
 from unveil_core.base.errors import UnveilError
 
 ROOT = Path(__file__).parents[1]
-BARRED = re.compile(r"^(is|was|are|were|there (is|are|was|were|is no such)|unknown)\b|^no \S+ is called|\b(is|are) no\b")
+BARRED = re.compile(
+    r"^(is|was|are|were|there (is|are|was|were|is no such)|unknown)\b|^no \S+ is called|\b(is|are) no\b"
+)
 """Beginnings that leave out who is meant, and a verb that says nothing."""
 ERRORS = {name for name in errors.__all__ if issubclass(getattr(errors, name), UnveilError)}
 

@@ -35,7 +35,10 @@ def test_help_and_version_load_nothing_heavy(option: str) -> None:
         (["run", "x", "-o", "y", "--quality", "best"], "invalid choice"),
         (["run", "x", "-o", "y", "--instances", "a"], "not numbers with commas between"),
         (["run", "x", "-o", "y", "--keyframes", ","], "not names or numbers with commas between"),
-        (["run", "x", "-o", "y", "--keyframes", "3", "--order", "independent"], "Not used when each frame is filled for itself: keyframes"),
+        (
+            ["run", "x", "-o", "y", "--keyframes", "3", "--order", "independent"],
+            "Not used when each frame is filled for itself: keyframes",
+        ),
         (["run", "nowhere", "-o", "w"], "nowhere: Not found"),
         (["reconstruct", "nowhere"], "nowhere: Not a workspace"),
         (["evaluate", "nowhere"], "nowhere: Not a workspace"),

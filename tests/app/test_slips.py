@@ -202,7 +202,9 @@ def test_a_template_is_not_written_over_somebodys_file(tmp_path: Path, capsys: p
     script = batch / "batch.slurm.sh"
     script.write_text("mine")
     template = ["batch", "template", str(batch), "--to", "slurm"]
-    assert main(template) == 2 and "batch.slurm.sh: Not written by Unveil, and so not replaced" in capsys.readouterr().err
+    assert (
+        main(template) == 2 and "batch.slurm.sh: Not written by Unveil, and so not replaced" in capsys.readouterr().err
+    )
     assert script.read_text() == "mine"
     script.unlink()
     assert main(template) == main(template) == 0 and "sbatch" in script.read_text()

@@ -43,10 +43,16 @@ def check_place(output: Path, drives: Iterable[Path] = ()) -> None:
     """
     target, drives = _resolved(output), list(drives)
     if target.parent == target or _holds_home(target):
-        what = "Not for results: the root of a disk" if target.parent == target else "Not for results: the home folder, or one that holds it"
+        what = (
+            "Not for results: the root of a disk"
+            if target.parent == target
+            else "Not for results: the home folder, or one that holds it"
+        )
         raise SettingsError(what, path=output, mend="name a folder of its own with -o")
     if output.is_symlink() and not output.exists():
-        raise SettingsError("Not for results: a link to nothing", path=output, mend="remove the link, or name another folder with -o")
+        raise SettingsError(
+            "Not for results: a link to nothing", path=output, mend="remove the link, or name another folder with -o"
+        )
     _check_not_within(target, output, drives)
     for drive in map(_folder_of, drives):
         if drive.is_relative_to(target):
@@ -97,7 +103,11 @@ def _check_not_within(target: Path, output: Path, drives: Iterable[Path]) -> Non
     named = {folder for folder in map(_folder_of, drives) if folder.parent != folder}
     for folder in (target, *target.parents):
         if folder in named or _is_drive(folder):
-            what = "Not for results: a drive" if folder == target and output.name else f"Not for results: it lies in the drive {folder}"
+            what = (
+                "Not for results: a drive"
+                if folder == target and output.name
+                else f"Not for results: it lies in the drive {folder}"
+            )
             raise SettingsError(what, path=output, mend=MEND)
 
 

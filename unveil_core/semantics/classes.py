@@ -70,7 +70,9 @@ def expand_names(names: Iterable[str], known: Iterable[str] = CITYSCAPES) -> tup
         elif name in CITYSCAPES or name in known:
             chosen.add(name)
         else:
-            raise SelectionError(f"Not a class: {raw!r}", mend=f"use Cityscapes names or the groups {', '.join(GROUPS)}")
+            raise SelectionError(
+                f"Not a class: {raw!r}", mend=f"use Cityscapes names or the groups {', '.join(GROUPS)}"
+            )
     return tuple(name for name in dict.fromkeys((*CITYSCAPES, *known)) if name in chosen)
 
 

@@ -229,7 +229,10 @@ def test_boxes_have_the_numbers_of_the_pictures(tmp_path: Path) -> None:
         (lambda t: t.replace("<opencv_storage>", "<!DOCTYPE a SYSTEM 'a.dtd'><opencv_storage>"), "document type"),
         (lambda t: t[:-40], "Not complete XML"),
         (lambda t: t.replace("<timestamp>-1</timestamp>", ""), "object1: lacks timestamp"),
-        (lambda t: t.replace("<cols>4</cols><dt>f</dt><data>", "<cols>4</cols><dt>f</dt><data>1 "), "not a matrix of 4"),
+        (
+            lambda t: t.replace("<cols>4</cols><dt>f</dt><data>", "<cols>4</cols><dt>f</dt><data>1 "),
+            "not a matrix of 4",
+        ),
     ],
 )
 def test_hostile_and_damaged_boxes_say_so(tmp_path: Path, change, said: str) -> None:  # type: ignore[no-untyped-def]

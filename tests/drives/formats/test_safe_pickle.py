@@ -77,7 +77,9 @@ def test_a_hostile_pickle_runs_nothing(name: str, protocol: int, tmp_path: Path)
     for suffix in (".pkl", ".pkl.gz"):
         path = write(tmp_path / f"00{suffix}", content)
         for read in (read_arrays, read_table):
-            with pytest.raises(DriveError, match=r"00\.pkl.*no such file needs|00\.pkl.*Not a readable pickle") as caught:
+            with pytest.raises(
+                DriveError, match=r"00\.pkl.*no such file needs|00\.pkl.*Not a readable pickle"
+            ) as caught:
                 read(path)
             assert "\n" not in str(caught.value) and not victim.exists()
 

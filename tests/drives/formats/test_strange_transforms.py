@@ -102,7 +102,9 @@ def test_a_picture_that_claims_gigabytes_is_never_decoded(tmp_path: Path, monkey
         return found
 
     monkeypatch.setattr(cv2, "imdecode", watched)
-    with pytest.raises(UnveilError, match=r"01\.png: Not the size of its camera: 4096x4096 pixels, the camera says 32x24"):
+    with pytest.raises(
+        UnveilError, match=r"01\.png: Not the size of its camera: 4096x4096 pixels, the camera says 32x24"
+    ):
         check_drive(open_drive(path))
     assert set(sizes) == {(24, 32)}
 
