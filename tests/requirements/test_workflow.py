@@ -23,7 +23,9 @@ def test_every_system_python_and_blender_has_its_row() -> None:
         matrix = JOBS[job]["strategy"]["matrix"]
         assert matrix["system"] == SYSTEMS and matrix["python"] == list(PYTHONS)
     matrix = JOBS["blender"]["strategy"]["matrix"]
-    assert matrix["system"] == SYSTEMS and matrix["blender"] == BLENDERS == [row["blender"] for row in matrix["include"]]
+    assert matrix["system"] == SYSTEMS and matrix["blender"] == BLENDERS == [
+        row["blender"] for row in matrix["include"]
+    ]
     locked = {path.stem.removeprefix("bpy-") for path in (ROOT / "requirements").glob("bpy-*.txt")}
     assert {"4.2", "4.5", "5.0"} <= locked <= set(BLENDERS)
 

@@ -76,7 +76,7 @@ def command_parser() -> MainParser:
     _add_export(verbs)
     _add_bench(verbs)
     _add_batch(verbs)
-    _add_common(verbs.add_parser("doctor", help="what this machine has"))
+    _add_common(verbs.add_parser("doctor", help="show what Unveil finds on this machine"))
     _add_completion(verbs)
     return parser
 
@@ -140,15 +140,17 @@ def _add_solve(verbs: _Verbs) -> None:
         default=argparse.SUPPRESS,
         type=Path,
         metavar="FOLDER",
-        help="PNGs of what goes, 0 = remove, by frame",
+        help="masks, a PNG a frame, 0 = remove",
     )
-    p.add_argument("--segmenter", default=argparse.SUPPRESS, type=Path, metavar="FILE.onnx", help="labels the frames")
+    p.add_argument(
+        "--segmenter", default=argparse.SUPPRESS, type=Path, metavar="FILE.onnx", help="network that labels the frames"
+    )
     p.add_argument(
         "--camera-height",
         default=argparse.SUPPRESS,
         type=_metres,
         metavar="METRES",
-        help="of the cameras above the ground: the scale follows from it",
+        help="height above the ground: gives the scale",
     )
     _add_footage(p)
     _add_replace(p, "write into a folder that no solve made")
@@ -198,7 +200,7 @@ def _add_mask(verbs: _Verbs) -> None:
     )
     p.add_argument("source", type=Path, metavar="DRIVE|WORKSPACE")
     add_words(p)
-    p.add_argument("--moving", action="store_true", help="find what moves, by its motion, where labels tell nothing")
+    p.add_argument("--moving", action="store_true", help="find dynamic objects by their motion, without labels")
     p.add_argument("--prompt-encoder", type=Path, metavar="FILE.onnx", help="your promptable network: of pictures")
     p.add_argument("--prompt-decoder", type=Path, metavar="FILE.onnx", help="its other half: of clicks")
     p.add_argument(
@@ -233,7 +235,7 @@ def _add_evaluate(verbs: _Verbs) -> None:
         help="true empty street, by default the one that the drive names",
     )
     p.add_argument("--lpips", type=Path, default=None, metavar="FILE", help="your LPIPS network, TorchScript or ONNX")
-    p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
+    p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID")
     p.add_argument(
         "--holdout-masks",
         action="store_true",
@@ -334,7 +336,7 @@ def _add_batch(verbs: _Verbs) -> None:
     _add_settings(p)
     _add_common(p)
     for name, text in (
-        ("run", "run what is not done, on a Dask cluster"),
+        ("run", "run the tasks that are not done, on a Dask cluster"),
         ("status", "how far it is, by its files"),
         ("merge", "put finished blocks together, and finish the drives, here"),
         ("template", "write the tasks for another farm"),
@@ -343,7 +345,10 @@ def _add_batch(verbs: _Verbs) -> None:
         p.add_argument("batch", type=Path, metavar="DIR")
         if name == "run":
             p.add_argument(
-                "--scheduler", default=None, metavar="ADDRESS", help="of a running Dask scheduler, as tcp://host:8786"
+                "--scheduler",
+                default=None,
+                metavar="ADDRESS",
+                help="address of a running Dask scheduler, as tcp://host:8786",
             )
             p.add_argument(
                 "--workers", type=int, default=2, metavar="N", help="local processes, without a scheduler (2)"
@@ -355,7 +360,7 @@ def _add_batch(verbs: _Verbs) -> None:
 
 
 def _add_completion(verbs: _Verbs) -> None:
-    p = verbs.add_parser("completion", help="print what lets a shell complete this command")
+    p = verbs.add_parser("completion", help="print the completion script of a shell")
     p.add_argument("shell", choices=("bash", "zsh", "tcsh"))
     _add_common(p)
 
@@ -436,7 +441,7 @@ def _add_device(p: CommandParser) -> None:
         dest="works_on",
         default="auto",
         choices=DEVICES,
-        help="what renders, and trains: an NVIDIA GPU where one can be used, else the processor; or the one that is named",
+        help="device to render and train on: an NVIDIA GPU where one can be used, else the processor",
     )
 
 
