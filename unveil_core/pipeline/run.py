@@ -37,7 +37,9 @@ from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["Begun", "found_wrong", "look_at", "run", "run_verb", "stage_named"]
 
-NO_POINTS = "the drive has no points: optical flow finds them in its photographs, and with them scale and up where the files lack these"
+NO_POINTS = (
+    "the drive has no points: optical flow finds them in its photographs, and gives scale and up where files lack these"
+)
 
 
 def stage_named(name: str) -> Stage:
