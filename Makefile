@@ -8,7 +8,7 @@ export OMP_WAIT_POLICY := PASSIVE
 # Each of the many programs that tests start would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quality test-blender test-window extension wheels docs lint lock clean
+.PHONY: demo test quality test-blender test-window extension dist wheels docs lint lock clean
 
 demo: $(VENV)/.installed
 	$(BIN)/unveil demo
@@ -53,6 +53,12 @@ extension: $(VENV)/.installed-test .venv-bpy-5.0/.installed
 	$(BIN)/python $(BLENDER_EXT) build --source-dir build/extension --output-dir dist/extension
 	$(BIN)/python $(BLENDER_EXT) validate dist/extension/unveil-*.zip
 	$(BIN)/python $(BLENDER_EXT) server-generate --repo-dir dist/extension --html
+
+# What a release is: wheel, source archive, and the repository of the extension, whose index.json Blender's own updater reads.
+dist: extension
+	rm -f dist/*.whl dist/*.tar.gz
+	$(BIN)/python -m hatchling build --target sdist --target wheel
+	$(BIN)/python requirements/release.py dist
 
 # A folder of wheels for machines without a network, by the lock files: the add-on's preferences name it. See requirements/wheels.py.
 # torch without CUDA: TORCH_INDEX=https://download.pytorch.org/whl/cpu. Another system: FOR="--platform win_amd64".

@@ -59,7 +59,7 @@ def test_what_is_missing_is_one_line_with_the_mend(finished: Path, street: Path,
     for ask, stage in ((frame.clean, "deliver"), (frame.mask, "remove"), (frame.provenance, "reoptimize")):
         with pytest.raises(WorkspaceError, match=f"run `unveil {stage}`"):
             ask()
-    with pytest.raises(WorkspaceError, match="no empty scene yet"):
+    with pytest.raises(WorkspaceError, match="Not made yet: the empty scene"):
         frame.depth()
     with pytest.raises(SettingsError, match="Not a mask: 'cars'.*removed"):
         frame.mask("cars")  # type: ignore[arg-type]

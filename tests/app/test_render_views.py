@@ -188,7 +188,7 @@ def test_cameras_of_a_rig_lie_in_folders_of_their_own(workspace: Path, tmp_path:
         (["--above=-1e9"], "-1e+09 m above the path (at most 1000 m either way)"),
         (["--path", "nowhere.json"], "nowhere.json: cannot be read"),
         (["--path", "workspace/workspace.json"], "workspace.json: has no cameras"),
-        (["-o", "workspace"], "workspace: the workspace's own folder (name another one)"),
+        (["-o", "workspace"], "workspace: Not for results: the workspace's own folder (name another one)"),
         (["-o", "workspace/renders/free"], "the workspace's own folder"),
         (["-o", "file"], "file: Not a folder (name a folder)"),
         (["-o", "file/in"], "cannot be written"),

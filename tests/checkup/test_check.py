@@ -114,7 +114,7 @@ def test_each_format_can_be_checked(name: str, tmp_path: Path) -> None:
 
 def test_a_drive_without_labels_says_so(tmp_path: Path) -> None:
     found = examine_drive(make_tiny_drive(tmp_path / "drive", semantics=False))
-    assert "nothing tells what can be removed" in found.assumed
+    assert "no labels, masks or boxes say what can be removed" in found.assumed
     assert all(p.removed is None for p in found.labels)
     assert "Nothing labels this drive" in check_page(found)
 

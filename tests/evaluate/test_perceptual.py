@@ -271,8 +271,11 @@ FIXED = [helper.make_node("ReduceMean", ["a"], ["out"], keepdims=1)]
         (lambda f: written(f / "empty.onnx", b"rubbish"), "empty.onnx: cannot be loaded"),
         (lambda f: shortened(difference_model(f, ".pt")), "lpips.pt: Not a TorchScript archive"),
         (lambda f: shortened(difference_model(f, ".onnx")), "lpips.onnx: cannot be loaded"),
-        (lambda f: saved(f / "state.pt", MeanDifference().state_dict()), "state.pt: is a plain torch.save pickle"),
-        (lambda f: saved(f / "trap.pt", Trap()), "trap.pt: is a plain torch.save pickle"),
+        (
+            lambda f: saved(f / "state.pt", MeanDifference().state_dict()),
+            "state.pt: Not opened: a plain torch.save pickle",
+        ),
+        (lambda f: saved(f / "trap.pt", Trap()), "trap.pt: Not opened: a plain torch.save pickle"),
         (lambda f: written(f / "old.pt", pickle.dumps(Trap())), "old.pt: Not a TorchScript archive"),
         (lambda f: scripted(f / "one.pt", MeanColor()), "one.pt: does not take (1, 3, 40, 70) and (1, 3, 40, 70): "),
         (lambda f: color_model(f, ".onnx"), "it has 1 inputs and 1 outputs"),

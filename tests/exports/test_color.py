@@ -59,7 +59,7 @@ colorspaces: [!<ColorSpace> {name: raw, isdata: true}]
 
 
 @pytest.mark.parametrize(
-    ("content", "message"), [(None, "no configuration of OpenColorIO"), (BARE, "has no role scene_linear")]
+    ("content", "message"), [(None, "Not a configuration of OpenColorIO"), (BARE, "has no role scene_linear")]
 )
 def test_a_configuration_that_does_not_do_is_one_line(
     content: str | None, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -76,5 +76,5 @@ def test_a_configuration_that_does_not_do_is_one_line(
 def test_a_missing_library_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCIO", ACES)
     monkeypatch.setitem(sys.modules, "PyOpenColorIO", None)
-    with pytest.raises(SettingsError, match="OpenColorIO is not installed"):
+    with pytest.raises(SettingsError, match="Not installed: OpenColorIO"):
         linear_light()

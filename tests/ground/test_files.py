@@ -60,16 +60,16 @@ def damaged(**changes: object) -> dict[str, np.ndarray]:
     [
         ({"axes": np.eye(3) * 2}, "not a rotation: axes"),
         ({"axes": None}, "axes"),
-        ({"path_nodes": PATH.nodes[:, :1]}, "path_nodes is float64"),
+        ({"path_nodes": PATH.nodes[:, :1]}, "path_nodes holds float64"),
         ({"path_nodes": PATH.nodes * 1e6}, "path_nodes leap"),
-        ({"path_nodes": PATH.nodes[:0]}, "path_nodes is float64"),
-        ({"path_heading": PATH.heading[:-1]}, "path_heading is float64"),
+        ({"path_nodes": PATH.nodes[:0]}, "path_nodes holds float64"),
+        ({"path_heading": PATH.heading[:-1]}, "path_heading holds float64"),
         ({"path_step": 0.0}, "not above 0: path_step"),
         ({"path_start": np.nan}, "not finite: path_start"),
         ({"street_height": np.full((5, 5), np.inf)}, "not finite: street_height"),
-        ({"street_limits": np.zeros((2, 3))}, "street_limits is float64"),
+        ({"street_limits": np.zeros((2, 3))}, "street_limits holds float64"),
         ({"street_cell": np.array([1.0, -0.1])}, "not above 0: street_cell"),
-        ({"street_height": np.array([["a"]])}, "street_height is <U1"),
+        ({"street_height": np.array([["a"]])}, "street_height holds <U1"),
     ],
 )
 def test_what_is_no_ground_is_one_clear_line(tmp_path: Path, changes: dict[str, object], problem: str) -> None:
@@ -85,10 +85,10 @@ def test_nothing_is_unpickled_and_nothing_half_read(tmp_path: Path) -> None:
     with pytest.raises(WorkspaceError, match="Not found"):
         read_ground(path)
     np.savez(path, axes=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(WorkspaceError, match="no readable ground"):
+    with pytest.raises(WorkspaceError, match="Not a readable ground"):
         read_ground(path)
     write_ground(WHOLE, path)
     for content in (b"", b"ground", path.read_bytes()[:-200], path.read_bytes()[:400] + path.read_bytes()[500:]):
         path.write_bytes(content)
-        with pytest.raises(WorkspaceError, match="no readable ground"):
+        with pytest.raises(WorkspaceError, match="Not a readable ground"):
             read_ground(path)

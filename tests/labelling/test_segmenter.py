@@ -317,9 +317,9 @@ BAD_SETTINGS = {
     'classes = "pascal"': "or one of cityscapes,",
     'classes = ["car", "road"]': "net.onnx has 19 classes, and not 2",
     '[map]\n"car" = "cat"': "is not understood .give names of Cityscapes classes",
-    '[map]\n"cat" = "car"': "names 'cat', which is no class of net.onnx",
+    '[map]\n"cat" = "car"': "Not a class of net.onnx: 'cat' in ",
     'output = "masks"': "has no output masks .it has logits",
-    'kind = "yolo"': "which is no yolo .kind in net.toml",
+    'kind = "yolo"': "not yolo .kind in net.toml",
     "window = [8, 8]": "window = .* is not understood",
     "[map]\n" + "\n".join(f'{n} = ""' for n in REMOVABLE): "no class that can be removed",
 }

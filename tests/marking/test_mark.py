@@ -144,7 +144,7 @@ def test_in_a_workspace_ids_are_new(street: Path, tmp_path: Path) -> None:
         (["--click", "02:300,3"], "Not in the picture: 300,3 of frame 02, which has 128x80 pixels"),
         (["--stroke", "02:nowhere.png"], "nowhere.png: Not found"),
         (["--mattes", "nowhere"], "nowhere: Not found"),
-        (["--object", "car"], "Nothing is said of 'car'"),
+        (["--object", "car"], "No click, stroke or matte for 'car'"),
         (["--click", "02:3,3", "--prompt-encoder", "a.onnx"], "One network of two is given"),
     ],
 )

@@ -203,8 +203,8 @@ def test_without_a_label_of_houses_there_are_no_facades() -> None:
     ("start", "instead"),
     [
         ({"measured": 0.02, "told_by": "photographs", "height": 1.62}, "where photographs of it agree"),
-        ({"measured": 0.02, "told_by": "points", "height": 1.62}, "at the height that few points tell"),
-        ({"measured": 0.02}, "nothing tells the ground before training"),
+        ({"measured": 0.02, "told_by": "points", "height": 1.62}, "at the height of few points"),
+        ({"measured": 0.02}, "no points show the ground before training"),
     ],
 )
 def test_it_is_said_who_told_the_ground_without_a_lidar(start: dict[str, object], instead: str) -> None:

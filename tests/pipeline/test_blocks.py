@@ -201,7 +201,7 @@ def test_blocks_made_alone_make_the_stage(tmp_path: Path, monkeypatch: pytest.Mo
         assert "started" in said and any(m.startswith("block") for m in said) == expected
         assert (parts.root / "surfels/full.ply").read_bytes() == (whole.root / "surfels/full.ply").read_bytes()
     for name, number, wrong in (
-        ("remove", 0, "not made in blocks"),
+        ("remove", 0, "Not made in blocks"),
         ("reoptimize", 0, "has no"),
         ("reconstruct", 3, ""),
     ):
@@ -212,7 +212,7 @@ def test_blocks_made_alone_make_the_stage(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_blocks_share_a_workspace_and_a_run_waits_for_nobody(tmp_path: Path) -> None:
     space = Workspace.create(tmp_path / "w")
-    with space.lock(shared=True), space.lock(shared=True), pytest.raises(WorkspaceError, match="in use"), space.lock():
+    with space.lock(shared=True), space.lock(shared=True), pytest.raises(WorkspaceError, match="In use"), space.lock():
         pass
-    with space.lock(), pytest.raises(WorkspaceError, match="in use"), space.lock(shared=True):
+    with space.lock(), pytest.raises(WorkspaceError, match="In use"), space.lock(shared=True):
         pass

@@ -177,7 +177,7 @@ def test_a_file_that_changes_under_a_stage_spoils_no_result(how: str, tmp_path: 
         if how == "changed and put back":
             drive.write_text("3")
 
-    kind = "Changed or removed while read read it .let it be while a run goes on, and run it again"
+    kind = "Changed or removed while read read it .leave it alone during a run, and run again"
     with pytest.raises(UnveilError, match=f"drive: {kind}"):
         go(root, drive, replace(STAGE, run=disturbed))
     assert not (root / "sum.txt").exists() and not list(root.glob(".partial*")) and not parts_of(root, "read").exists()

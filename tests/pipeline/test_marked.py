@@ -142,7 +142,7 @@ def test_a_drive_without_labels_can_be_imported_but_not_unveiled(tmp_path: Path)
     ("content", "message"),
     [
         ({"id": 1}, "holds no list"),
-        ([{"id": 0, "centre": [0, 0, 0], "size": [1, 1, 1]}], "Not an id from 1 to 65535: 0"),
+        ([{"id": 0, "centre": [0, 0, 0], "size": [1, 1, 1]}], "not an id from 1 to 65535: 0"),
         ([{"id": 3, "centre": [0, 0, 0], "size": [1, 0, 1]}], "not positive"),
         ([{"id": 3, "mattes": "nowhere"}], "nowhere: holds no pictures"),
         ([{"id": 3, "centre": [0, 0, 0]}], "lacks 'size'"),

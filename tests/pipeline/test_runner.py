@@ -279,7 +279,7 @@ def test_interrupt_ends_with_cancelled_and_resumes(tmp_path: Path) -> None:
 
 def test_two_processes_do_not_share_a_workspace(tmp_path: Path) -> None:
     workspace = Workspace.create(tmp_path / "w")
-    with workspace.lock(), pytest.raises(WorkspaceError, match="in use by another process"), workspace.lock():
+    with workspace.lock(), pytest.raises(WorkspaceError, match="In use by another process"), workspace.lock():
         pass
     with workspace.lock():
         pass

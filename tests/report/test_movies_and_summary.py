@@ -126,7 +126,7 @@ def test_a_cancelled_movie_leaves_nothing(finished: Path, tmp_path: Path) -> Non
 def test_movies_that_cannot_be(finished: Path, tmp_path: Path) -> None:
     with pytest.raises(WorkspaceError, match="format"):
         write_video(finished, tmp_path / "street.avi")
-    with pytest.raises(WorkspaceError, match="nothing was delivered"):
+    with pytest.raises(WorkspaceError, match="Not made yet: delivered frames"):
         write_video(finished, tmp_path / "street.mp4", camera_name="rear")
 
 

@@ -336,7 +336,7 @@ def test_provenance_and_certainty_have_views_a_legend_and_a_card(finished: Path,
     page = Page((tmp_path / "report/index.html").read_text())
     assert {"provenance", "certainty"} <= {a.get("data-mode") for _, a in page.found}
     assert {"provenance", "certainty"} <= {a.get("data-legend") for _, a in page.found}
-    assert "continued from what was seen" in page.text and "is called certain" in page.text
+    assert "continued from what was seen" in page.text and "counts as certain" in page.text
     for frame in page.frames():
         drawn = decoded(frame["provenance"]).astype(int)
         regions = cv2.imread(str(root / f"regions/front/{frame['name']}.png"), cv2.IMREAD_UNCHANGED)

@@ -23,7 +23,7 @@ def test_focal_lengths(text: str, wanted: float) -> None:
         ({"focal": "-3"}, "Not a focal length"),
         ({"lens": "zoom"}, "Not a lens: 'zoom' .*simple, opencv, fisheye"),
         ({"every": 0}, "Not a step: --every 0"),
-        ({"frames": "a:b"}, "are no range"),
+        ({"frames": "a:b"}, "Not a range of frames"),
         ({"camera_height": 0.0}, "Not a value of --camera-height: 0 .*metres"),
         ({"speed": float("nan")}, "Not a value of --speed"),
         ({"speed": 30.0, "camera_height": 1.5}, "Given twice: the scale, by --camera-height and --speed"),

@@ -51,7 +51,7 @@ def test_a_run_does_not_write_or_remove_through_a_link(name: str, tmp_path: Path
     (root / name).symlink_to(elsewhere / "letter.txt" if is_file else elsewhere)
     space = Workspace(root)  # as where the link was made after it was opened
     for act in (lambda: Workspace.open(root), lambda: run_stages(space, (STAGE,), RunSettings(), tmp_path, force=True)):
-        with pytest.raises(WorkspaceError, match=f"{Path(name).name}: i[st] (is )?a symbolic link"):
+        with pytest.raises(WorkspaceError, match=f"{Path(name).name}: (A|it is a) symbolic link"):
             act()
     left = {str(p.relative_to(elsewhere)): p.read_text() for p in elsewhere.rglob("*") if p.is_file()}
     assert left == dict.fromkeys(("letter.txt", "inner/letter.txt", "inner/digest/letter.txt"), "dear")
@@ -75,7 +75,7 @@ def test_a_pipe_is_refused_before_anything_is_read(name: str, tmp_path: Path) ->
     pipe.unlink(missing_ok=True)
     os.mkfifo(pipe)
     for reach in (Workspace.open, Workspace.create):
-        with pytest.raises(WorkspaceError, match="pipe or a device|Not a workspace|not empty"):
+        with pytest.raises(WorkspaceError, match="pipe or a device|Not a workspace|Not empty"):
             reach(tmp_path / "w")
 
 

@@ -45,7 +45,7 @@ def other(space: Workspace) -> Iterator[subprocess.Popen[str]]:
 @with_folder_locks
 def test_a_lock_whose_file_was_removed_still_holds(space: Workspace, other: subprocess.Popen[str]) -> None:
     (space.root / ".lock").unlink()
-    with pytest.raises(InUseError, match="in use by another process"), space.lock():
+    with pytest.raises(InUseError, match="In use by another process"), space.lock():
         pass
     other.kill()
     other.wait()

@@ -113,7 +113,7 @@ def test_keep_leaves_everything_standing(street: Path, tmp_path: Path) -> None:
     moving = read_moving(found.root)
     assert moving.count == 0 and moving.hidden(drive, FrameCache()) is None and moving.static_part(drive) is drive
     assert [p.name for p in (found.root / "movers").rglob("*")] == ["movers.json"]
-    with pytest.raises(SettingsError, match="Not a choice of movers: chase"):
+    with pytest.raises(SettingsError, match="Not a choice of movers: 'chase'"):
         RunSettings(movers="chase")
 
 

@@ -80,7 +80,7 @@ def test_who_holds_a_workspace_is_told(tmp_path: Path) -> None:
     assert holder.stdout is not None
     try:
         assert holder.stdout.readline() == "held\n"
-        with pytest.raises(WorkspaceError, match=f"in use by another process, {holder.pid} on "), space.lock():
+        with pytest.raises(WorkspaceError, match=f"In use by another process, {holder.pid} on "), space.lock():
             pass
     finally:
         holder.kill()
@@ -93,7 +93,7 @@ def test_a_signature_that_is_none_is_not_repeated(tmp_path: Path) -> None:
     space = Workspace.create(tmp_path / "w")
     with space.lock():
         (space.root / ".lock").write_text("\0<script>\x1b[31m")
-        with pytest.raises(WorkspaceError, match="in use by another process .wait"), space.lock():
+        with pytest.raises(WorkspaceError, match="In use by another process .wait"), space.lock():
             pass
 
 
@@ -111,7 +111,7 @@ def test_a_folder_that_another_process_is_just_making_is_no_strangers(tmp_path: 
     assert Workspace.create(root).workspace_json.is_file()
     os.remove(root / "workspace.json")
     (root / "mine.txt").write_text("x")
-    with pytest.raises(WorkspaceError, match="not empty"):
+    with pytest.raises(WorkspaceError, match="Not empty"):
         Workspace.create(root)
 
 

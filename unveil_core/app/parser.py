@@ -52,8 +52,9 @@ MESSAGES = {
 }
 """Options of all verbs, before or after them, with their help."""
 STATE = "the street without or with everything, or as it was edited in Blender"
-DRIVE = "a transforms.json, or the folder of a drive: nerfstudio, COLMAP, KITTI, nuScenes, Waymo, …"
-SETTINGS_FILE = 'settings from a file, as quality = "draft"; options come before it'
+DRIVE = "a transforms.json, or the folder of a dataset"
+CLIP = "; or a clip, with options of unveil solve (--help-all)"
+SETTINGS_FILE = 'settings from a file, as quality = "draft"'
 
 _Verbs = Any
 """What ``add_subparsers`` returns; argparse gives it no public name."""
@@ -76,7 +77,7 @@ def command_parser() -> MainParser:
     _add_export(verbs)
     _add_bench(verbs)
     _add_batch(verbs)
-    _add_common(verbs.add_parser("doctor", help="what this machine has"))
+    _add_common(verbs.add_parser("doctor", help="show what Unveil finds on this machine"))
     _add_completion(verbs)
     return parser
 
@@ -94,17 +95,16 @@ def _add_whole_runs(verbs: _Verbs) -> None:
         if name == "demo":
             p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
         else:
-            p.add_argument("drive", type=Path, help=DRIVE)
+            p.add_argument("drive", type=Path, help=DRIVE + CLIP * (name == "run"))
             p.add_argument(
                 "-o",
                 "--output",
                 type=Path,
                 required=True,
                 metavar="WORKSPACE",
-                help="folder of the results; one that is there is continued with the settings that it was made with",
+                help="folder of the results, which keeps its settings",
             )
         if name == "run":
-            _add_footage(p)
             p.add_argument(
                 "--until", choices=tuple(STAGE_VERBS), default=None, metavar="STAGE", help="the last stage to run"
             )
@@ -112,12 +112,14 @@ def _add_whole_runs(verbs: _Verbs) -> None:
             p.add_argument(
                 "--preview", action="store_true", help="draw labels and objects over the frames: WORKSPACE/preview"
             )
-        p.add_argument("--reset", action="store_true", help="take the defaults, not the settings of the workspace")
-        p.add_argument("--dry-run", action="store_true", help="say what would run, why, and how long; write nothing")
+        p.add_argument("--reset", action="store_true", help="take defaults, not the workspace's settings")
+        p.add_argument("--dry-run", action="store_true", help="say what would run, why, and how long")
         if name != "demo":
-            _add_replace(p, "give a workspace with results of another drive this one: they are replaced")
+            _add_replace(p, "replace results of another drive")
             _add_yes(p)
         _add_settings(p)
+        if name == "run":
+            _add_footage(p, hidden=True)
         _add_common(p)
 
 
@@ -139,34 +141,41 @@ def _add_solve(verbs: _Verbs) -> None:
         default=argparse.SUPPRESS,
         type=Path,
         metavar="FOLDER",
-        help="PNGs of what goes, 0 = remove, by frame",
+        help="masks, a PNG a frame, 0 = remove",
     )
-    p.add_argument("--segmenter", default=argparse.SUPPRESS, type=Path, metavar="FILE.onnx", help="labels the frames")
+    p.add_argument(
+        "--segmenter", default=argparse.SUPPRESS, type=Path, metavar="FILE.onnx", help="network that labels the frames"
+    )
     p.add_argument(
         "--camera-height",
         default=argparse.SUPPRESS,
         type=_metres,
         metavar="METRES",
-        help="of the cameras above the ground: the scale follows from it",
+        help="height above the ground: gives the scale",
     )
     _add_footage(p)
     _add_replace(p, "write into a folder that no solve made")
     _add_common(p)
 
 
-def _add_footage(p: argparse.ArgumentParser) -> None:
-    """Options of clips and photographs, which ``unveil run`` takes as well."""
+def _add_footage(p: CommandParser, *, hidden: bool = False) -> None:
+    """Options of clips and photographs, which ``unveil run`` takes as well; hidden: only ``--help-all`` explains them."""
+    group = p.add_argument_group("clips and photographs")
 
     def add(name: str, **options: Any) -> None:
-        p.add_argument(name, default=argparse.SUPPRESS, **options)
+        options["default"] = argparse.SUPPRESS
+        if hidden:
+            p.expert(group, name, **options)
+        else:
+            group.add_argument(name, **options)
 
-    add("--every", type=int, metavar="N", help="of a clip: each N-th frame alone")
-    add("--lens", choices=("simple", "opencv", "fisheye"), help="of a clip: the model of its lens (simple)")
-    add("--focal", metavar="PIXELS|26mm", help="of a clip: focal length, in pixels or as of 35 mm film")
-    add("--speed", type=_number, metavar="KM/H", help="of a clip: mean speed, from which the scale follows")
-    add("--known-length", type=_number, metavar="METRES", help="of a clip: length of its way, likewise")
-    add("--gpx", type=Path, metavar="FILE.gpx", help="of a clip: track of the drive, likewise")
-    add("--thorough", action="store_true", help="of a clip: three times the features, in three times the time")
+    add("--every", type=int, metavar="N", help="each N-th frame alone")
+    add("--lens", choices=("simple", "opencv", "fisheye"), help="model of the lens [simple]")
+    add("--focal", metavar="PIXELS|26mm", help="focal length, in pixels or as of 35 mm film [found]")
+    add("--speed", type=_number, metavar="KM/H", help="mean speed: gives the scale")
+    add("--known-length", type=_number, metavar="METRES", help="length of the way: gives the scale")
+    add("--gpx", type=Path, metavar="FILE.gpx", help="track of the drive: gives the scale")
+    add("--thorough", action="store_true", help="three times the features, in three times the time")
 
 
 def _add_check(verbs: _Verbs) -> None:
@@ -192,7 +201,7 @@ def _add_mask(verbs: _Verbs) -> None:
     )
     p.add_argument("source", type=Path, metavar="DRIVE|WORKSPACE")
     add_words(p)
-    p.add_argument("--moving", action="store_true", help="find what moves, by its motion, where labels tell nothing")
+    p.add_argument("--moving", action="store_true", help="find dynamic objects by their motion, without labels")
     p.add_argument("--prompt-encoder", type=Path, metavar="FILE.onnx", help="your promptable network: of pictures")
     p.add_argument("--prompt-decoder", type=Path, metavar="FILE.onnx", help="its other half: of clicks")
     p.add_argument(
@@ -227,7 +236,7 @@ def _add_evaluate(verbs: _Verbs) -> None:
         help="true empty street, by default the one that the drive names",
     )
     p.add_argument("--lpips", type=Path, default=None, metavar="FILE", help="your LPIPS network, TorchScript or ONNX")
-    p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
+    p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID")
     p.add_argument(
         "--holdout-masks",
         action="store_true",
@@ -328,7 +337,7 @@ def _add_batch(verbs: _Verbs) -> None:
     _add_settings(p)
     _add_common(p)
     for name, text in (
-        ("run", "run what is not done, on a Dask cluster"),
+        ("run", "run the tasks that are not done, on a Dask cluster"),
         ("status", "how far it is, by its files"),
         ("merge", "put finished blocks together, and finish the drives, here"),
         ("template", "write the tasks for another farm"),
@@ -337,7 +346,10 @@ def _add_batch(verbs: _Verbs) -> None:
         p.add_argument("batch", type=Path, metavar="DIR")
         if name == "run":
             p.add_argument(
-                "--scheduler", default=None, metavar="ADDRESS", help="of a running Dask scheduler, as tcp://host:8786"
+                "--scheduler",
+                default=None,
+                metavar="ADDRESS",
+                help="address of a running Dask scheduler, as tcp://host:8786",
             )
             p.add_argument(
                 "--workers", type=int, default=2, metavar="N", help="local processes, without a scheduler (2)"
@@ -349,7 +361,7 @@ def _add_batch(verbs: _Verbs) -> None:
 
 
 def _add_completion(verbs: _Verbs) -> None:
-    p = verbs.add_parser("completion", help="print what lets a shell complete this command")
+    p = verbs.add_parser("completion", help="print the completion script of a shell")
     p.add_argument("shell", choices=("bash", "zsh", "tcsh"))
     _add_common(p)
 
@@ -398,13 +410,13 @@ def _add_bench(verbs: _Verbs) -> None:
 
 def _add_common(p: CommandParser) -> None:
     group = p.add_argument_group("messages")
+    told_apart = "--help-all" in p._option_string_actions
     for name, (words, text) in MESSAGES.items():  # a default here would write over what was given before the verb
-        group.add_argument(*words, dest=name, action="store_true", default=argparse.SUPPRESS, help=text)
-    group.add_argument(
-        "--end-with-stdin",
-        action="store_true",
-        help="cancel when standard input closes: when the program that started this one ends",
-    )
+        add = p.expert if told_apart and name == "debug" else argparse._ArgumentGroup.add_argument
+        add(group, *words, dest=name, action="store_true", default=argparse.SUPPRESS, help=text)
+    add = p.expert if told_apart else argparse._ArgumentGroup.add_argument
+    text = "cancel when standard input closes: when the program that started this one ends"
+    add(group, "--end-with-stdin", action="store_true", help=text)
 
 
 def _add_settings(p: CommandParser) -> None:
@@ -430,7 +442,7 @@ def _add_device(p: CommandParser) -> None:
         dest="works_on",
         default="auto",
         choices=DEVICES,
-        help="what renders, and trains: an NVIDIA GPU where one can be used, else the processor; or the one that is named",
+        help="device to render and train on: an NVIDIA GPU where one can be used, else the processor",
     )
 
 

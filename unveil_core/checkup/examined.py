@@ -45,12 +45,12 @@ SWEEPS_OF_MAP = 6
 SOURCES = {
     "segmenter": "labels come from the network",
     "drive": "labels come from the drive's label images",
-    "masks": "masks tell what is removed",
+    "masks": "masks say what to remove",
     "folder": "labels come from the folder of --labels",
     "dataset": "labels come from the dataset's label images",
     "boxes": "labels follow from boxes of objects and points",
     "points": "labels follow from the classes of points",
-    "nothing": "nothing tells what can be removed",
+    "nothing": "no labels, masks or boxes say what can be removed",
 }
 
 

@@ -183,7 +183,7 @@ def place_drive(
     if scale is None and camera_height_m is not None:
         height = camera_height(drive if len(drive.points.positions) else _with_some_points(drive), axis)
         if height is None:
-            problem = "shows no ground below its cameras, so nothing tells how high they are in its units"
+            problem = "shows no ground below its cameras, so their height in its units is unknown"
             raise DriveError(
                 problem, path=drive.root, mend="give --scale UNITS_PER_METRE in the place of --camera-height"
             )

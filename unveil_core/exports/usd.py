@@ -71,7 +71,9 @@ def write_usd_splats(job: Job, path: Path) -> None:
     from pxr import UsdVol, Vt
 
     if not hasattr(UsdVol, "ParticleField3DGaussianSplat"):
-        raise SettingsError("this OpenUSD knows no splats", mend="pip install 'usd-core>=26.3', or use usd-points")
+        raise SettingsError(
+            "Too old: this OpenUSD has no splats", mend="pip install 'usd-core>=26.3', or use usd-points"
+        )
     scene = job.scene
     stage = new_stage(job, path)
     prim = UsdVol.ParticleField3DGaussianSplat.Define(stage, f"{ROOT}/splats")

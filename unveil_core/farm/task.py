@@ -15,6 +15,7 @@ from typing import Any
 from unveil_core.base.disk.open_safely import open_file, open_in_place
 from unveil_core.farm.manifest import read_batch
 from unveil_core.farm.state import TaskState, note_state, state_of
+from unveil_core.workspace.lock import IN_USE
 
 __all__ = ["TaskFailed", "end_tasks", "run_task", "tasks_may_begin"]
 
@@ -92,7 +93,7 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
         if _stopping.is_set():  # it has not failed: with this process gone it is to do
             raise TaskFailed(f"{task.id}: cancelled")
         # The process of a worker that died may live on for a moment.
-        if "in use by another process" not in line or time.monotonic() - begun > BUSY_S:
+        if IN_USE not in line or time.monotonic() - begun > BUSY_S:
             note("failed", line)
             raise TaskFailed(f"{task.id}: {line}")
         time.sleep(2.0)

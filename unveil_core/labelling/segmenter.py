@@ -43,7 +43,7 @@ from unveil_core.labelling.networks.yolo import Yolo, find_yolo, segment_objects
 __all__ = ["NO_LABELS_HELP", "Segmenter", "label_by_network", "load_segmenter", "segmenter_files"]
 
 NO_LABELS_HELP = (
-    "The drive has no semantics, masks or boxes, so nothing tells what can be removed. Any of these does: "
+    "The drive has no semantics, masks or boxes, so nothing says what can be removed. Give one of these: "
     "(1) --segmenter FILE.onnx, a segmentation network of your own exported to ONNX, as a SegFormer trained on Cityscapes or a "
     "YOLO-seg model; (2) masks of what to remove, 8-bit PNGs of the size of the images, 0 = remove, named by mask_path in "
     "transforms.json or lying as masks/NAME.png beside COLMAP's images/; some frames are enough; (3) images of Cityscapes "

@@ -141,7 +141,7 @@ def mark(
             found.append(MarkedNow(thing.name, thing.id, count, folder / "mattes" / thing.folder))
             shown.append(Shown(thing, Prompts(thing.name, {}), masks))
         if not found:
-            notice("nothing is seen to move")
+            notice("No motion found")
     for thing in chosen:
         kept = painted.get(thing.name, [])
         prompts = _prompts(thing, kept, drive, folder, pictures, frame_of)

@@ -52,7 +52,7 @@ def _groups(vertices: NDArray[np.float32]) -> Iterator[NDArray[np.int64]]:
 
 
 def _mark_alike(vertices: NDArray[np.float32], some: NDArray[np.int64], same: NDArray[np.int32]) -> None:
-    """Write into ``same`` (V,) of each of ``some`` vertices the first that lies at its place, bit for bit."""
+    """Weld duplicates: set ``same`` (V,) of each of the vertices ``some`` to the first one with equal bits."""
     bits = vertices[some].view(np.int32)
     order = np.lexsort(bits.T)
     bits = bits[order]

@@ -94,7 +94,7 @@ def things_that_move(
             if len(flows) == 2:
                 patches[v] += _patches(cameras, v, flows, ground)
         patches[v] = _united(patches[v])
-        progress(k + 1, len(track), "looking for what moves")
+        progress(k + 1, len(track), "finding dynamic objects")
     return _linked(track, patches, onward)
 
 

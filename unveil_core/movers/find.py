@@ -264,7 +264,7 @@ def _by_instances(
             known[str(source)] = instance_moves(masks, below, alone, body, search.ground)
             if checkpoint.due():
                 checkpoint.save({}, {"known": known})
-        progress(done + 1, len(shown), "looking for what moves")
+        progress(done + 1, len(shown), "finding dynamic objects")
         evidence = known[str(source)]
         if evidence is not None:
             number = search.add(search.names[label], evidence, source)
@@ -306,7 +306,7 @@ def _by_patches(
         if checkpoint.due():
             found = arrays_of_patches([p for of_frame in patches.values() for p in of_frame])
             checkpoint.save(found, {"frames": v + 1, "asked": list(patches)})
-        progress(v + 1, len(search.cameras), f"looking for what moves, {frame.name}")
+        progress(v + 1, len(search.cameras), f"finding dynamic objects, {frame.name}")
     cameras = list(dict.fromkeys(f.camera_name for f in search.drive.frames))
     tracks = [[v for v, f in enumerate(search.drive.frames) if f.camera_name == c] for c in cameras]
     link_patches(tracks, patches)

@@ -38,8 +38,7 @@ from unveil_core.workspace.workspace import Workspace
 __all__ = ["Begun", "found_wrong", "look_at", "run", "run_verb", "stage_named"]
 
 NO_POINTS = (
-    "the drive has no points: they are found in its photographs by optical flow, and by them scale and up where files do not "
-    "tell these"
+    "the drive has no points: optical flow finds them in its photographs, and gives scale and up where files lack these"
 )
 
 

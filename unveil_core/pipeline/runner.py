@@ -69,7 +69,7 @@ __all__ = ["run_block", "run_stages"]
 TRIM_EVERY_S = 1.0
 """Seconds between returns of freed memory, each of which takes some milliseconds."""
 
-KILLED = "the last run was ended here from outside: killed, or out of memory or power; it goes on"
+KILLED = "the last run ended here: killed, or out of memory or power; this run continues it"
 """Such a run could not say it itself."""
 
 
@@ -287,7 +287,7 @@ def _change_of(stage: Stage, workspace: Workspace, digests: Digests) -> UnveilEr
     return kind(
         f"Changed or removed while {stage.name} read it",
         path=changed,
-        mend="let it be while a run goes on, and run it again: finished stages stay",
+        mend="leave it alone during a run, and run again: finished stages stay",
     )
 
 

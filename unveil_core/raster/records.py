@@ -10,13 +10,14 @@ RED, GREEN, BLUE, NX, NY, NZ, Z, LABEL_LOW = range(10, 18)
 """Colour, normal in the camera's frame, depth; and eight times the label plus ``low``."""
 EX, EY, E0, E1, E2, REST = range(18, 24)
 """What it can reach: the ellipse ``|(e0 x + e1 y, e2 y)| <= 1`` about (ex, ey), or a circle of squared radius ``low``
-about the projected mean; and what float32 left of the projected mean."""
+about the projected mean; and the rounding residual of the projected mean."""
 
 LOW_RANGE = 8.0
 """Over the greatest ``low``."""
 
 REST_UNIT, REST_BASE = 2.5e-7, 4096.0
-"""``rest`` is x times the base plus y, whole numbers of units: what rounding took from cx and cy. In the middle of a
-photograph float32 knows a coordinate to 3e-5 pixels, and a disc that is seen from the edge is thinner than a hundredth
-of one: without the rest its gradients are wrong by a ten-thousandth."""
+"""Unit and base of ``rest``, the fixed-point rounding residual of (cx, cy), packed as x times the base plus y.
+
+In the middle of a photograph float32 resolves a coordinate to 3e-5 pixels, and a disc seen edge-on is thinner than 0.01 pixels:
+without the residual its gradients are off by 1e-4."""
 REST_MAX = 2047.0

@@ -224,7 +224,9 @@ def _detail_cards(ours: dict[str, Any]) -> list[tuple[str, str]]:
     lines = {name: ours.get(name) for name in ("line_recall", "false_lines")}
     if any(value is not None for value in lines.values()):
         found, false = (detail(name, value) for name, value in lines.items())
-        cards.append((f"{found} / {false}", "lines on the ground there: of the true ones found / of ours false"))
+        cards.append(
+            (f"{found} / {false}", "lines on the ground there: share of true ones found / share of ours that are false")
+        )
     return cards
 
 

@@ -91,7 +91,7 @@ def _quality(metrics: dict[str, Any]) -> list[str]:
     if coverage.get("removed") and coverage.get("unobserved_of_removed") is not None:
         lines.append(
             f"  {percent(coverage['removed'])} of all pixels were removed, "
-            f"{percent(coverage['unobserved_of_removed'])} of these seen from nowhere"
+            f"{percent(coverage['unobserved_of_removed'])} of these hidden in every frame"
         )
     lines += [f"  {share} {what}" for share, what in certainty_cards(metrics)]
     untouched = metrics.get("untouched", {})

@@ -90,7 +90,7 @@ def _delivered(root: Path, camera_name: str | None) -> list[Frame]:
             tracks.setdefault(frame.camera_name, []).append(frame)
     if not tracks:
         where = root / "frames" / (camera_name or "")
-        raise WorkspaceError("nothing was delivered here yet", path=where, mend="run `unveil deliver`")
+        raise WorkspaceError("Not made yet: delivered frames", path=where, mend="run `unveil deliver`")
     return max(tracks.values(), key=len)
 
 

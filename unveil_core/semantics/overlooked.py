@@ -35,8 +35,8 @@ SAY = 0.5
 LONGEST = 3
 """Frames of a camera in a row up to which an object is overlooked: what is gone for longer has moved."""
 ALIKE = 0.1
-"""Difference between this photograph and those that show the object, levels from 0 to 1, up to which all show the same: a yellow
-car that shines from close by is 0.085 off (street 20). Where something else stands in front they differ more."""
+"""Greatest difference between this photograph and those that show the object, levels from 0 to 1: below it all show the same.
+Highlights seen from close by reach 0.085; another object in front differs more."""
 BORDER_PX = 4
 """Pixels at 384 in width beside an object's own label in which a point that is called otherwise is an error of its border."""
 LEAST_POINTS = 6

@@ -128,7 +128,7 @@ def _scale(
     if settings.camera_height is not None:
         if height is None:
             raise DriveError(
-                "shows no ground below its cameras, so their height tells nothing",
+                "shows no ground below its cameras, so their height gives no scale",
                 path=reels[0].source,
                 mend="give --speed or --known-length instead",
             )
@@ -138,7 +138,7 @@ def _scale(
     if settings.speed is not None:
         if seconds is None:
             raise DriveError(
-                "has no time stamps, so a speed tells nothing",
+                "has no time stamps, so a speed gives no scale",
                 path=reels[0].source,
                 mend="give --known-length or --camera-height instead",
             )
@@ -151,7 +151,7 @@ def _scale(
     if height is not None:
         assumed = f"the cameras are assumed to be {CAMERA_HEIGHT_M} m above the ground; --camera-height METRES decides"
         return height / CAMERA_HEIGHT_M, False, assumed
-    return 1.0, False, "nothing tells the scale: give --camera-height, --speed, --known-length or --gpx"
+    return 1.0, False, "the scale is unknown: give --camera-height, --speed, --known-length or --gpx"
 
 
 def _way(model: Model, reels: Sequence[Reel]) -> tuple[float, float | None]:

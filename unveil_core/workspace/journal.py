@@ -74,7 +74,7 @@ def recover(workspace: Workspace) -> None:
         except OSError as error:
             if full_disk(error, path) is not None:
                 raise
-            raise WorkspaceError(f"tells what cannot be done: {error.strerror}", path=path, mend=MEND) from error
+            raise WorkspaceError(f"asks for what cannot be done: {error.strerror}", path=path, mend=MEND) from error
     for stage in workspace.state()["stages"]:
         folder = workspace.root / f"{PARTIAL}{stage}"
         if is_file_name(stage) and not (folder / INPUTS).is_file():

@@ -14,8 +14,10 @@ from unveil_core.base.errors import DiskFullError, InUseError, WorkspaceError
 from unveil_core.base.file_locks import TAKEN, lock_file
 from unveil_core.base.files import full_disk
 
-__all__ = ["NO_LOCKS_VARIABLE", "WRITABLE", "Lock"]
+__all__ = ["IN_USE", "NO_LOCKS_VARIABLE", "WRITABLE", "Lock"]
 
+IN_USE = "In use by another process"
+"""How the line of a command begins, after the workspace, that another process kept out."""
 WRITABLE = "make it writable, or name another folder"
 NO_LOCKS_VARIABLE = "UNVEIL_NO_LOCKS"
 """Of the environment; set to 1, a workspace whose file system has no locks is used all the same."""
@@ -142,7 +144,7 @@ class Lock:
                 time.sleep(patience)
 
     def _in_use(self) -> InUseError:
-        problem = f"In use by another process{self._holder()}"
+        problem = f"{IN_USE}{self._holder()}"
         return InUseError(problem, path=self.path.parent, mend="wait or stop it")
 
     def _sign(self, handle: int) -> None:

@@ -153,7 +153,7 @@ def write_moving(
                 save_mask(shadow, frame_file(folder / "shadows", frame))
             if checkpoint.due():
                 checkpoint.save({}, {"frames": i + 1})
-            progress(i + 1, len(drive.frames), "looking for shadows of what moves")
+            progress(i + 1, len(drive.frames), "finding shadows of dynamic objects")
         save_array(found.on_mover.astype(np.uint8), folder / "points.npy")
         entries = [
             {

@@ -79,11 +79,11 @@ def test_a_folder_is_replaced_where_nothing_else_is_in_it(tmp_path: Path) -> Non
     check_replaceable(folder, ["a", "b/c"], mend="move it")
     for stranger in ("b/mine.txt", "d/e/f.txt"):
         put(folder, stranger)
-        with pytest.raises(DriveError, match=stranger.replace("/e/f.txt", ": is there")):
+        with pytest.raises(DriveError, match=stranger.replace("/e/f.txt", ": Not written by Unveil")):
             check_replaceable(folder, ["a", "b/c"], mend="move it", kind=DriveError)
         (folder / stranger).unlink()
     assert [p.name for p in strangers(folder, ["a", "b/c"])] == ["d"]  # a folder that somebody made
-    with pytest.raises(SettingsError, match="is not a folder"):
+    with pytest.raises(SettingsError, match="Not a folder"):
         check_replaceable(folder / "a", None, mend="move it")
 
 

@@ -151,7 +151,7 @@ def test_no_room_is_one_line() -> None:
         Car(x, y, half_x=2.4) for x in (1.0, 6.5, 12.0, 17.5, 23.0, 28.5) for y in (-3.0, 0.0, 3.0) if x > 13 or y
     )
     ground, surfels, views, points = street(parked)
-    with pytest.raises(WorkspaceError, match="no room for a virtual car: .*"):
+    with pytest.raises(WorkspaceError, match="No room for a virtual car: .*"):
         find_places(ground, surfels, points, views, count=2)
 
 

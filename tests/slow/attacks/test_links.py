@@ -207,7 +207,7 @@ def test_a_lock_whose_file_a_cleaner_removes_still_keeps_others_out(workspace: P
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
         (workspace / ".lock").unlink()
-        one_line(unveil("choose", workspace), "in use by another process")
+        one_line(unveil("choose", workspace), "In use by another process")
         holder.communicate("\n")
     assert unveil("choose", workspace).returncode == 0
 

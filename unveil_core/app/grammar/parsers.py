@@ -18,7 +18,7 @@ __all__ = ["CommandParser", "MainParser"]
 
 WIDEST = 100
 """Columns of a page of help: more are hard to read."""
-COLUMN = 30
+COLUMN = 26
 """At which help of an option begins."""
 USAGE_ERROR = 2
 
@@ -36,6 +36,13 @@ class _Lines(argparse.RawDescriptionHelpFormatter):
     def __init__(self, prog: str, **options: Any) -> None:
         super().__init__(prog, max_help_position=COLUMN, **options)
         self._width = min(self._width, WIDEST - 2)
+
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        """``-o, --output FILE``: the value once."""
+        if not action.option_strings or action.nargs == 0:
+            return super()._format_action_invocation(action)
+        value = self._format_args(action, self._get_default_metavar_for_optional(action))
+        return f"{', '.join(action.option_strings)} {value}"
 
 
 class _HelpAll(argparse.Action):
@@ -67,7 +74,7 @@ class CommandParser(argparse.ArgumentParser):
 
     def add_help_all(self) -> None:
         """Add the option that shows those."""
-        self.add_argument("--help-all", action=_HelpAll, help="show all options, those for experts too, and exit")
+        self.add_argument("--help-all", action=_HelpAll, help="all options, those for experts too")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         words: list[str] = []

@@ -33,10 +33,8 @@ def add_settings(p: CommandParser) -> None:
 
     An option that is not given leaves no attribute behind: the setting keeps its default or, on a workspace, its recorded value.
     """
-    groups = {
-        name: p.add_argument_group(title, f"{AUTO} takes any setting back to its default" if name == "remove" else None)
-        for name, title in GROUPS.items()
-    }
+    p.description = f"Defaults stand in brackets; {AUTO} brings one back."
+    groups = {name: p.add_argument_group(title) for name, title in GROUPS.items()}
     for setting in TABLE:
         _add(p, groups[setting.group], setting)
     p.add_help_all()
@@ -48,7 +46,8 @@ def add_setting(p: CommandParser, name: str) -> None:
 
 
 def _add(p: CommandParser, group: Any, setting: Setting, *, hidden: bool = True) -> None:
-    said = f"{setting.help} (default: {setting.said_default})".replace("%", "%%")
+    names = f"{', '.join(setting.kind.names)}: " if setting.metavar and setting.kind.names else ""
+    said = f"{names}{setting.help} [{setting.said_default}]".replace("%", "%%")
     options: dict[str, Any] = {"dest": setting.name, "default": argparse.SUPPRESS, "help": said}
     if setting.kind.shape == "flag":
         options["action"] = argparse.BooleanOptionalAction

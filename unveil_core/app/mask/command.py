@@ -102,5 +102,5 @@ def said_objects(words: Sequence[tuple[str, str]]) -> list[SaidObject]:
             found[-1].said.append(drawn(value, word))
     empty = next((o.name for o in found if o.name is not None and not o.said), None)
     if empty is not None and not any(o.said for o in found if o.name == empty):
-        raise SettingsError(f"Nothing is said of {empty!r}", mend="add --click FRAME:X,Y after --object")
+        raise SettingsError(f"No click, stroke or matte for {empty!r}", mend="add --click FRAME:X,Y after --object")
     return [o for o in found if o.said]

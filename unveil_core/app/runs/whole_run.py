@@ -32,7 +32,10 @@ def sample_drive() -> Path:
     """The sample street of a source checkout."""
     folder = Path(__file__).resolve().parents[3] / "sample_scenes" / "parked_street"
     if not (folder / "transforms.json").is_file():
-        raise DriveError("Not found: the sample street", path=folder, mend="run the demo from a source checkout")
+        raise DriveError(
+            "Not in the installed package: the sample street",
+            mend="run `make demo` in a checkout of the sources, or `unveil run DRIVE -o WORKSPACE` on a drive of yours",
+        )
     return folder
 
 

@@ -115,7 +115,7 @@ def _parsed(lines: list[str], line_end: bytes) -> Header:
         elif word != "obj_info":
             raise ValueError(f"its header has a line that begins with {word[:40]!r}")
     if order is None:
-        raise ValueError("its format is not told")
+        raise ValueError("its header lacks the format")
     return Header(order, line_end, elements, tuple(comments))
 
 

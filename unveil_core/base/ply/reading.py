@@ -176,7 +176,7 @@ def _rows_of_text(lines: Iterator[bytes], element: Element) -> NDArray[np.void]:
         values = np.zeros((0, width))
     if values.shape != (element.rows, width):
         raise ValueError(
-            "it is cut short" if len(values) < element.rows else "a row has more or fewer numbers than told"
+            "it is cut short" if len(values) < element.rows else "a row has more or fewer numbers than the header says"
         )
     table = np.empty(element.rows, kinds)
     for k, name in enumerate(kinds.names or ()):
@@ -200,5 +200,5 @@ def _without_lists(words: list[bytes], element: Element) -> list[float]:
             found.append(float(words[at]))
             at += 1
     if at != len(words):
-        raise ValueError("a row has more or fewer numbers than told")
+        raise ValueError("a row has more or fewer numbers than the header says")
     return found

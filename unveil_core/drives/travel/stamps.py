@@ -98,9 +98,7 @@ def in_seconds(drive: Drive) -> Drive:
         notices.append(_told(found, stamps, "time stamps"))
     elif _is_share(stamps, _metres_a_step(drive)):
         frames = tuple(replace(f, timestamp=None) for f in _by_stamps(frames))
-        notices.append(
-            "time stamps run from 0 to 1 and are a share of the drive, no seconds: they order the frames, and nothing else"
-        )
+        notices.append("time stamps run from 0 to 1, a share of the drive and not seconds: they only order the frames")
     of_sweeps = [[s.timestamp for s in sweeps]]
     found = unit_of(of_sweeps)
     if found is not None and found is not SECONDS:

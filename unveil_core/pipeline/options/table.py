@@ -141,30 +141,30 @@ class Setting:
 TABLE: tuple[Setting, ...] = (
     # What to remove
     Setting(
-        "remove", NAMES, "remove", "classes of Cityscapes, and the groups vehicle, human, dynamic",
-        label="Remove", metavar="CLASSES", usual="all removable classes that occur",
+        "remove", NAMES, "remove", "classes or groups, as vehicle,human",
+        label="Remove", metavar="CLASSES", usual="all removable",
     ),
     Setting(
-        "instances", IDS, "remove", "single objects, as 3,7; objects.json of the workspace has their ids",
+        "instances", IDS, "remove", "objects by id in objects.json, as 3,7",
         label="Objects", metavar="IDS", usual="none",
     ),
     Setting(
-        "marked", FILE, "remove", "objects without labels, by boxes or mattes, as unveil mask writes them",
+        "marked", FILE, "remove", "objects without labels, by unveil mask",
         label="Marked Objects", metavar="FILE.json", usual="none", see="input.md#marked-objects", back=("none",),
     ),
     Setting(
         "per_object", OBJECTS, "remove",
         "single objects: enlarge the mask by pixels of the delivered frame, or leave the shadow",
-        label="Single Objects", metavar="ID:grow=PX,ID:shadow=keep", usual="none", back=("none",),
+        label="Single Objects", metavar="ID:grow=PX,ID:shadow=keep", usual="none", expert=True, back=("none",),
     ),
     Setting(
         "corrections", FILE, "remove", "clean frames that a person mended, which all other frames follow",
-        label="Corrections", metavar="FILE.json", usual="none", see="input.md#corrections", back=("none",),
+        label="Corrections", metavar="FILE.json", usual="none", expert=True, see="input.md#corrections", back=("none",),
     ),
     Setting(
         "shadows", SUN, "remove",
-        "remove shadows too, keep them, or give the direction of the sun in degrees: azimuth clockwise from +y, elevation",
-        label="Shadows", metavar="auto|off|AZIMUTH,ELEVATION",
+        "remove shadows too, keep them, or give the sun in degrees: azimuth clockwise from +y, elevation",
+        label="Shadows", metavar="auto|off|A,E",
         choices=(
             ("auto", "Automatic", "Shadows of removed objects are removed too; the sun's direction is estimated"),
             ("off", "Keep", "Shadows of removed objects stay in the pictures"),
@@ -172,7 +172,7 @@ TABLE: tuple[Setting, ...] = (
         ),
     ),
     Setting(
-        "movers", choice(*MOVERS), "remove", "remove dynamic objects from all frames, or treat everything as static",
+        "movers", choice(*MOVERS), "remove", "remove dynamic objects, or take all as static",
         label="Dynamic Objects",
         choices=(
             ("auto", "Remove", "Objects that move during the drive are removed from every frame"),
@@ -181,25 +181,25 @@ TABLE: tuple[Setting, ...] = (
     ),
     # What to read
     Setting(
-        "scene", TEXT, "read", "drive of a dataset's folder that holds several",
+        "scene", TEXT, "read", "drive to take, of a folder with several",
         label="Scene", metavar="NAME", usual="the only one", see="datasets.md",
     ),
     Setting(
         "cameras", NAMES, "read", "cameras of a rig",
-        label="Cameras", metavar="NAMES|all", usual="the front camera of a dataset, else all",
+        label="Cameras", metavar="NAMES|all", usual="a dataset's front, else all",
     ),
     Setting(
-        "frames", FRAMES, "read", "part of the drive, counted from 0 as in Python, or several: 3:9,40:46",
+        "frames", FRAMES, "read", "part of the drive, as 0:80:2 or 3:9,40:46",
         label="Frames", metavar="A:B:STEP", usual="all",
     ),
     Setting(
-        "labels", FOLDER, "read", "label pictures of the frames, as CAMERA/STEM.png, in the place of the drive's own",
-        label="Labels", metavar="FOLDER", usual="labels of the drive", see="datasets.md#labels-that-you-have",
+        "labels", FOLDER, "read", "label pictures, as CAMERA/STEM.png",
+        label="Labels", metavar="FOLDER", usual="the drive's", see="datasets.md#labels-that-you-have",
         back=("none",),
     ),
     Setting(
-        "segmenter", FILE, "read", "network that labels the frames; FILE.toml beside it tells how",
-        label="Segmenter", metavar="FILE.onnx", usual="labels of the drive, else from its boxes and labelled points",
+        "segmenter", FILE, "read", "network that labels the frames",
+        label="Segmenter", metavar="FILE.onnx", usual="labels of the drive",
         see="datasets.md#labels-by-a-network", back=("none",),
     ),
     Setting(
@@ -231,17 +231,17 @@ TABLE: tuple[Setting, ...] = (
     ),
     # Scale and axes
     Setting(
-        "scale", NUMBER, "place", "units of the drive's coordinates in a metre",
-        label="Units per Metre", metavar="UNITS_PER_METRE", usual="from the file, else estimated", low=1e-6, high=1e6,
+        "scale", NUMBER, "place", "units in a metre",
+        label="Units per Metre", metavar="UNITS", usual="from the file, else estimated", low=1e-6, high=1e6,
         see="input.md#scale",
     ),
     Setting(
-        "camera_height", NUMBER, "place", "height of the cameras above the ground, from which the scale follows",
-        label="Camera Height", metavar="METRES", usual="from the file, else 1.6 m is assumed", measure="m",
+        "camera_height", NUMBER, "place", "height of the cameras above the ground: gives the scale",
+        label="Camera Height", metavar="METRES", usual="from the file, else 1.6 m", measure="m",
         low=HEIGHTS_M[0], high=HEIGHTS_M[1],
     ),
     Setting(
-        "up", UP, "place", "axis of the drive's coordinates that is up",
+        "up", UP, "place", "axis that points up",
         label="Up Axis", usual="from the file, else estimated", see="input.md#up",
     ),
     Setting(
@@ -255,8 +255,8 @@ TABLE: tuple[Setting, ...] = (
     ),
     # Quality and machine
     Setting(
-        "quality", choice(*QUALITIES), "work", "working size, steps, surfels, voxel of the meshes",
-        label="Quality",
+        "quality", choice(*QUALITIES), "work", "working size, steps, surfels, voxels",
+        label="Quality", metavar="LEVEL",
         choices=(
             ("draft", "Draft", "A first look, in minutes: smaller images, fewer steps"),
             ("standard", "Standard", "For most work; about three times as long as a draft"),
@@ -264,11 +264,11 @@ TABLE: tuple[Setting, ...] = (
         ),
     ),
     Setting(
-        "work_side", WHOLE, "work", "longer side at which the scene is made; frames are delivered at their own size",
+        "work_side", WHOLE, "work", "longer side of the scene's images; frames keep their size",
         label="Longer Side", metavar="PIXELS", usual="512, 768, 1600 by quality", measure="px", low=32,
     ),
     Setting(
-        "device", choice(*DEVICES), "work", "what renders and trains: an NVIDIA GPU where one can be used, the processor, the GPU",
+        "device", choice(*DEVICES), "work", "an NVIDIA GPU where one can be used, the processor, the GPU",
         label="Device", see="command.md#gpu",
         choices=(
             ("auto", "Automatic", "An NVIDIA GPU where one can be used, else the processor; Check in the preferences tells"),
@@ -278,9 +278,9 @@ TABLE: tuple[Setting, ...] = (
     ),
     Setting(
         "memory", SIZE, "work", "room for the frames that a stage holds; results do not depend on it",
-        label="Memory", metavar="SIZE",
+        label="Memory", metavar="SIZE", expert=True,
     ),
-    Setting("seed", WHOLE, "work", "seed of everything random", label="Seed", metavar="N", low=0, high=2**63 - 1),
+    Setting("seed", WHOLE, "work", "seed of everything random", label="Seed", metavar="N", expert=True, low=0, high=2**63 - 1),
     # Method
     Setting(
         "iterations", WHOLE, "method", "steps of the reconstruction",

@@ -73,8 +73,8 @@ def _ground_assumed(choices: dict[str, Any]) -> list[Assumption]:
         found += f"; the camera is {least['height']:.2f} m over it by the {least['told_by']}"
     instead = {
         "photographs": "the ground begins where photographs of it agree",
-        "points": "the ground begins at the height that few points tell",
-    }.get(least.get("told_by", ""), "nothing tells the ground before training")
+        "points": "the ground starts at the height of few points",
+    }.get(least.get("told_by", ""), "no points show the ground before training")
     return [Assumption("a LiDAR measured the ground", least["measured"] > MEASURED, found, instead)]
 
 

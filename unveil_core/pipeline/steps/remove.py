@@ -82,7 +82,7 @@ def run(context: StageContext) -> Facts:
     stored = context.cache.stored(context.scratch("seen"), len(frames), lambda i: (pixels.seen(frames[i]).depth,))
     views = SeenViews([f.camera for f in frames], Frames(len(frames), lambda i: SeenView(*stored[i])))
     for done, _ in enumerate(stored):
-        context.progress(done + 1, 2 * len(frames), "finding what nobody saw")
+        context.progress(done + 1, 2 * len(frames), "finding what no frame shows")
     removed = Frames(len(frames), lambda i: grow(views.frames[i].hidden, border_px(frames[i].camera.width)))
 
     def find_remains() -> dict[str, NDArray[Any]]:
@@ -103,6 +103,6 @@ def run(context: StageContext) -> Facts:
             save_mask(mask, frame_file(context.output("masks/removed"), frame))
             save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
             write_image_atomic(last, region_map(mask, hidden, unseen))
-        context.progress(len(frames) + done + 1, 2 * len(frames), "finding what nobody saw")
+        context.progress(len(frames) + done + 1, 2 * len(frames), "finding what no frame shows")
     names = {int(entry["id"]): str(entry["class"]) for entry in listed_objects(workspace) if "class" in entry}
     return assumed([_vehicles_assumed(selected.not_one, names)])

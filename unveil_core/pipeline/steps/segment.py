@@ -90,6 +90,6 @@ def _overlooked(context: StageContext, drive: Drive, scene: SceneLabels) -> tupl
         "labels find an object in each frame that shows it",
         not some,
         f"{some} of {len(frames)} frames overlook one",
-        "the other frames tell what is there",
+        "the labels of other frames decide",
     )
     return replace(scene, overlooked=into), [seen]

@@ -64,13 +64,13 @@ def check_can_work(
         raise DriveError(_cut_told(motion.cuts, thumbs), path=source, mend=_longest_part(motion.cuts, thumbs))
     if _stood(thumbs, motion):
         raise DriveError(
-            "The camera stands still: nothing tells how far things are",
+            "The camera stands still, so no distance can be found",
             path=source,
             mend="film while driving or walking, or give the part that moves: --frames A:B",
         )
     if held < FEWEST_CORNERS:
         raise DriveError(
-            f"Next to nothing can be followed: {held:.0f} corners from frame to frame, and {FEWEST_CORNERS} are needed",
+            f"Too little can be tracked: {held:.0f} corners from frame to frame, and {FEWEST_CORNERS} are needed",
             path=source,
             mend="use sharper footage, more frames a second (a smaller --every), or a part with more texture: --frames A:B",
         )
@@ -78,7 +78,7 @@ def check_can_work(
     flat = [f for a, b in pairs if (f := _flatness(*_wide(thumbs, a, b, mask))) is not None]
     if len(flat) >= 3 and float(np.median(flat)) > FLAT_SHARE:
         raise DriveError(
-            "All that is seen moves as one plane does: the camera only turns, or films a single wall or the bare ground",
+            "Everything moves as one plane: the camera only turns, or films a single wall or the bare ground",
             path=source,
             mend="move the camera along the street, with houses, trees or cars at several distances in view",
         )

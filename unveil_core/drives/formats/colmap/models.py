@@ -116,7 +116,7 @@ def chosen_model(
         raise SettingsError(
             f"model {left[0]} of {path} shares fewer than {LEAST_SHARED} pictures with model {','.join(read.names)}, or has them "
             "elsewhere",
-            mend="nothing tells how they lie to each other: give --model one of them",
+            mend="their place to each other is unknown: give --model one of them",
         )
     if wanted is None and len(images) > 1:
         notices.append(_told(order, images, sizes))
