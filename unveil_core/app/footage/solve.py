@@ -50,7 +50,10 @@ def run_solve(arguments: argparse.Namespace) -> int:
     else:
         for line in summary(solved.facts):
             say(line)
-        say(f"next                   unveil run {solved.drive} -o WORKSPACE")
+        if any((settings.labels, settings.masks, settings.segmenter)):
+            say(f"next                   unveil run {solved.drive} -o WORKSPACE")
+        else:
+            say(f"next                   unveil mask {solved.drive} -o masks --click FRAME:X,Y: it has no labels to remove by")
         say(solved.drive / "solve.html")
     return 0
 
