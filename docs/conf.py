@@ -19,7 +19,12 @@ sys.path.insert(0, str(ROOT))
 
 import unveil_core  # noqa: E402
 
-SAMPLES = tuple(str(p.relative_to(ROOT).with_suffix("")) for p in sorted(ROOT.glob("sample_scenes/**/README.md")))
+BESIDE = tuple(
+    str(path.relative_to(ROOT).with_suffix(""))
+    for pattern in ("benchmarks/README.md", "sample_scenes/**/README.md")
+    for path in sorted(ROOT.glob(pattern))
+)
+"""Pages that lie beside what they describe."""
 project = "Unveil"
 author = "The Unveil authors"
 copyright = "The Unveil authors"
@@ -32,19 +37,9 @@ include_patterns = [
     "CHANGELOG.md",
     "SECURITY.md",
     "blender_addon/README.md",
-    "sample_scenes/**/README.md",
+    *(f"{b}.md" for b in BESIDE),
 ]
-exclude_patterns = [
-    ".*",
-    "build",
-    "dist",
-    "node_modules",
-    "benchmarks",
-    "tests",
-    "unveil_core",
-    "requirements",
-    "demo_workspace",
-]
+exclude_patterns = [".*", "build", "dist", "node_modules", "tests", "unveil_core", "requirements", "demo_workspace"]
 
 NAVIGATION = {
     "Guides": ("docs/install", "docs/artist", "docs/engineer", "docs/farm", "blender_addon/README"),
@@ -52,7 +47,7 @@ NAVIGATION = {
     "What comes out": ("docs/workspace", "docs/exports", "docs/report"),
     "Reference": ("docs/command", "docs/python", "docs/api", "docs/glossary"),
     "How and how well": ("docs/method", "docs/benchmarks", "docs/benchmarks_parts", "docs/limits"),
-    "Project": ("docs/development", "CHANGELOG", "SECURITY", *SAMPLES),
+    "Project": ("docs/development", "CHANGELOG", "SECURITY", *BESIDE),
 }
 """The pages of the site under their headings. One that is missing here is an error (``-W``)."""
 

@@ -6,6 +6,9 @@ import ast
 import json
 import re
 from collections.abc import Iterator
+from contextlib import redirect_stdout
+from functools import cache
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +20,7 @@ from unveil_core import open_drive
 from unveil_core.app.cli import main
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import write_points
+from unveil_core.exports.registry import FORMATS
 from unveil_core.pipeline.graph import STAGES
 
 PAGES = sorted(
@@ -135,26 +139,67 @@ def test_every_key_of_a_drive_is_described() -> None:
     assert asked - set(re.findall(r"`([a-z_0-9]+)`", text_of(ROOT / "docs/input.md"))) == set()
 
 
-def commands(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    main(["--help"])
-    return re.findall(r"^    ([a-z]+)(?: |$)", capsys.readouterr().out, flags=re.MULTILINE)
+@cache
+def help_of(*words: str) -> str:
+    """What ``unveil WORDS --help`` shows, the options for experts too."""
+    shown = StringIO()
+    with redirect_stdout(shown):
+        main([*words, "--help"])
+        if "--help-all" in shown.getvalue():
+            main([*words, "--help-all"])
+    return shown.getvalue()
 
 
-def test_every_command_and_option_is_described(capsys: pytest.CaptureFixture[str]) -> None:
+def options_of(*verb: str) -> set[str]:
+    return set(re.findall(r"--[a-z][a-z-]+", help_of(*verb)))
+
+
+def verbs() -> list[str]:
+    return re.findall(r"^    ([a-z]+(?:-[a-z]+)*)(?: |$)", help_of(), flags=re.MULTILINE)
+
+
+def test_every_command_and_option_is_described() -> None:
     page = text_of(ROOT / "docs/command.md")
     described = set(re.findall(r"--[a-z][a-z-]+", page))
-    found = commands(capsys)
-    assert {"run", "render", "reoptimize", "doctor"} <= set(found)
-    missing = [c for c in found if not re.search(rf"`(unveil )?{c}\b", page)]
-    for command in found:
-        main([command, "--help"])
-        shown = capsys.readouterr().out
-        if "--help-all" in shown:
-            main([command, "--help-all"])
-            shown = capsys.readouterr().out
-        options = set(re.findall(r"--[a-z][a-z-]+", shown)) - {"--help"}
-        missing += [f"{command} {o}" for o in sorted(options) if o not in described]
+    found = verbs()
+    assert {"run", "render", "reoptimize", "doctor", "run-block"} <= set(found)
+    missing = [verb for verb in found if not re.search(rf"`(unveil )?{verb}\b", page)]
+    for verb in found:
+        missing += [f"{verb} {o}" for o in sorted(options_of(verb) - {"--help"}) if o not in described]
     assert missing == []
+
+
+def shown_commands(page: Path) -> Iterator[str]:
+    """Calls of ``unveil`` that a page shows, in blocks and in lines, each as one line."""
+    text = text_of(page)
+    blocks = re.findall(r"^```(?:bash|sh|)\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    blocks += re.findall(r"(?:^    .*\n?)+", text, flags=re.MULTILINE)
+    lines = [line.strip() for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    for line in (*lines, *(span.replace("\n", " ") for span in re.findall(r"`([^`]+)`", prose(page)))):
+        if match := re.match(r"(?:\.venv/bin/)?unveil (.*)", line):
+            yield match[1].partition(" #")[0]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_commands_that_pages_show_can_be_given(page: Path) -> None:
+    wrong = []
+    for command in shown_commands(page):
+        words = command.split()
+        verb = words[:2] if words[0] in ("batch", "bench") else words[:1]
+        if (
+            words[0].startswith("-")
+            or words[0] in ("…", "STAGE", "VERB", "COMMAND")
+            or any("|" in word for word in verb)
+        ):
+            continue
+        if words[0] not in verbs():
+            wrong.append(command)
+            continue
+        asked = {word.partition("=")[0] for word in words if re.match(r"--[a-z]", word)}
+        wrong += [f"{command}: {option}" for option in asked - options_of(*verb)]
+        if verb == ["export"] and "--to" in words and (to := words[words.index("--to") + 1]).islower():
+            wrong += [f"{command}: {kind}" for kind in re.split(r"[,|]", to) if kind not in FORMATS]
+    assert wrong == []
 
 
 def test_every_output_of_a_stage_is_described() -> None:

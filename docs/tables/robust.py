@@ -164,7 +164,7 @@ def install() -> str:
     """Size of the packages, for a sentence."""
     found = results("install")
     parts = ", ".join(f"`{extra}` {mb:,.0f} MB" for extra, mb in found["extras_mb"].items())
-    return f"The packages take {found['core_mb'] / 1000:.1f} GB with PyTorch {found['torch']}; extras add: {parts}."
+    return f"Installed, the packages take {found['core_mb'] / 1000:.1f} GB with PyTorch for the processor; extras add: {parts}."
 
 
 def import_memory() -> str:

@@ -159,7 +159,7 @@ def choose_labels(
         raise DriveError(
             "the drive has neither semantics nor masks",
             path=drive.root,
-            mend="add semantic_path or mask_path to its frames, or mark objects and choose them",
+            mend="give --labels or --segmenter, add masks, or mark objects and choose them: unveil mask outlines what is clicked",
         )
     wanted = expand_names(remove, scene.labels.names) if remove else (() if instances else scene.removed)
     if scene.source == "masks" and (remove or not instances):

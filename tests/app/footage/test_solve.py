@@ -10,10 +10,11 @@ import pytest
 from tests.drives.tiny_drive import make_tiny_drive
 from tests.solve.films import write_frames
 from unveil_core.app.cli import main
-from unveil_core.app.footage.solve import footage_settings, is_footage_alone, summary
+from unveil_core.app.footage.solve import footage_settings, is_footage_alone, next_step, summary
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import command_parser
 from unveil_core.base.errors import SettingsError
+from unveil_core.solve.settings import SolveSettings
 
 
 def _run(*words: str) -> tuple[object, object]:
@@ -71,3 +72,8 @@ def test_the_summary_says_what_matters() -> None:
     }  # fmt: skip
     text = "\n".join(summary(facts))
     assert "8 of 9, 12.0 m" in text and "700 px (given)" in text and "1,234" in text
+
+
+def test_a_drive_without_labels_is_outlined_next(tmp_path: Path) -> None:
+    assert next_step(Path("drive"), SolveSettings()).startswith("unveil mask drive -o masks --click")
+    assert next_step(Path("drive"), SolveSettings(labels=tmp_path)) == "unveil run drive -o WORKSPACE"

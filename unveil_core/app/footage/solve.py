@@ -22,6 +22,7 @@ __all__ = [
     "drive_of_footage",
     "footage_settings",
     "is_footage_alone",
+    "next_step",
     "refuse_clip",
     "run_solve",
     "summary",
@@ -50,9 +51,16 @@ def run_solve(arguments: argparse.Namespace) -> int:
     else:
         for line in summary(solved.facts):
             say(line)
-        say(f"next                   unveil run {solved.drive} -o WORKSPACE")
+        say(f"next                   {next_step(solved.drive, settings)}")
         say(solved.drive / "solve.html")
     return 0
+
+
+def next_step(drive: Path, settings: SolveSettings) -> str:
+    """The command that goes on from a drive: without labels nothing says yet what to remove."""
+    if any((settings.labels, settings.masks, settings.segmenter)):
+        return f"unveil run {drive} -o WORKSPACE"
+    return f"unveil mask {drive} -o masks --click FRAME:X,Y (no labels: it outlines what to remove)"
 
 
 def summary(facts: dict[str, Any]) -> list[str]:
