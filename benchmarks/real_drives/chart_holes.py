@@ -1,12 +1,14 @@
 """Holes in charts: footprints of removed objects pasted where the street was seen, filled by the project's own fill, without a run.
 
-    python benchmarks/real_drives/chart_holes.py --cache DIR [--drives NAMES] [--workspaces NAME=DIR ...] [--holes 120]
-        [--lpips FILE] [--against REV] [--tree PATH] [--fresh] [-o FILE]
+    python benchmarks/real_drives/chart_holes.py --cache DIR [--drives NAMES] [--workspaces NAME=DIR ...] [--holes 120] [--lpips FILE]
+                                     [--against REV] [--without NAMES] [--tree PATH] [--fresh] [-o FILE]
 
 A whole run measures six holes a drive in ten minutes; here the chart of the ground that a finished workspace has is filled with a
 dozen holes at once, a hundred and more a drive. The drives are those that real.py has in its cache, and any workspace
 that has gone through ``inpaint``: of a drawn street, say. Charts and holes are kept in the cache, so every revision fills the same
-ones: ``--against REV`` a revision of git, ``--tree PATH`` another checkout in place of this one. What was seen there is the truth.
+ones: ``--against REV`` a revision of git, ``--tree PATH`` another checkout in place of this one. ``--without NAMES`` compares the
+fill without some mechanisms of the stage ``inpaint`` (see docs/command.md) with that with all of them; how the chart is read is no
+matter here. What was seen there is the truth.
 
 In benchmarks/results/chart_holes.json, for each drive and tree: PSNR, SSIM, gradient (a ratio to the truth's) and LPIPS of the
 holes in the chart, 4 cm a texel. Holes of different sets lie over each other, so figures are averaged over cells of the street
@@ -36,12 +38,13 @@ from benchmarks.real_drives.holes import footprints_of, hole_sets, seen_well  # 
 from benchmarks.real_drives.paired import Figures, clustered, estimate  # noqa: E402
 from benchmarks.real_drives.real import ALL, compared, comparison_lines, recorded  # noqa: E402
 from benchmarks.real_drives.table import DRIVES  # noqa: E402
-from benchmarks.real_drives.trees import Tree, checked_out, environment_of, tree_at  # noqa: E402
+from benchmarks.real_drives.trees import Tree, checked_out, environment_of, tree_at, without  # noqa: E402
 from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.base.types import Mask, Picture  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.evaluate.holdout.compared import Compared, PartSums, Photograph, crop_around  # noqa: E402
 from unveil_core.evaluate.perceptual import LpipsModel  # noqa: E402
+from unveil_core.pipeline.mechanisms import MECHANISMS  # noqa: E402
 
 RESULTS = ROOT / "benchmarks/results/chart_holes.json"
 SCRIPT = Path(__file__).resolve().parent / "fill_charts.py"
@@ -110,7 +113,8 @@ def filled(chart: ChartOf, tree: Tree) -> tuple[Path, float]:
     mark = folder / "run.json"
     if not mark.is_file():
         shutil.rmtree(folder, ignore_errors=True)
-        took = called(tree.root, "fill", chart.workspace, chart.folder / "chart.npz", chart.sets, folder)
+        given = (chart.workspace, chart.folder / "chart.npz", chart.sets, folder)
+        took = called(tree.root, "fill", *given, *tree.off)
         write_json_atomic(mark, {"tree": tree.name, "seconds": round(took, 1), "load": os.getloadavg()[0]})
     return folder, json.loads(mark.read_text())["seconds"]
 
@@ -191,16 +195,24 @@ def main() -> None:
     parser.add_argument("--lpips", type=Path, default=None, help="an LPIPS network, TorchScript or ONNX")
     parser.add_argument("--against", default=None, metavar="REV", help="a revision of git to compare with")
     parser.add_argument("--tree", type=Path, default=ROOT, help="a checkout to use in place of this one")
+    parser.add_argument("--without", default="", metavar="NAMES", help="mechanisms to do without, compared with all")
     parser.add_argument(
         "--fresh", action="store_true", help="read the charts anew, and make other holes if they changed"
     )
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()
+    if arguments.without and arguments.against:
+        parser.error("--without compares with this checkout itself: leave --against out")
+    known = [name for name, m in MECHANISMS.items() if m.stage == STAGE]
+    if unknown := [n for n in arguments.without.split(",") if n and n not in known]:
+        parser.error(f"not a mechanism of {STAGE}: {unknown[0]}")
     now, network = machine(), None if arguments.lpips is None else LpipsModel(arguments.lpips)
     with ExitStack() as stack:
         trees = [tree_at(arguments.tree, STAGE)]
         if arguments.against is not None:
             trees.append(stack.enter_context(checked_out(arguments.against, ROOT, STAGE)))
+        if arguments.without:
+            trees = [without(trees[0], arguments.without.split(",")), trees[0]]
         every: list[dict[str, Figures]] = [{} for _ in trees]
         rows, comparisons = [], []
         for chart in charts_of(arguments.cache, arguments.drives, arguments.workspaces):

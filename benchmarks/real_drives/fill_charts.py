@@ -1,12 +1,13 @@
 """Charts of a workspace read, or filled with holes in them, by the program that Python finds: a script for a tree's environment.
 
     python fill_charts.py read WORKSPACE CHART.npz
-    python fill_charts.py fill WORKSPACE CHART.npz HOLES OUTPUT
+    python fill_charts.py fill WORKSPACE CHART.npz HOLES OUTPUT [MECHANISM ...]
 
 ``read`` writes the planes of the whole street's chart, as the frames show it, and ``objects``, the numbers of the removed objects
 that stand there. ``fill`` takes that chart, whatever the tree would have read itself, so that all trees fill the same one: for each
 ``HOLES/NAME.npz`` (``holes`` (A, B) uint16, the number of the hole, and ``footprint`` (A, B) bool, what stood there) it writes
 ``OUTPUT/NAME.npz`` with the filled ``color`` (A, B, 3) uint8. The tree finds the sun itself, once, without the holes.
+The mechanisms, if any, do not work.
 """
 
 from __future__ import annotations
@@ -144,8 +145,13 @@ def fill(root: Path, chart: Path, holes: Path, output: Path) -> None:
 
 
 if __name__ == "__main__":
-    given = [Path(path) for path in sys.argv[2:]]
+    given, names = [Path(path) for path in sys.argv[2:6]], sys.argv[6:]
     if sys.argv[1] == "read":
         read(*given)
+    elif names:
+        from unveil_core.base.mechanisms import without  # which older trees do not have
+
+        with without(names):
+            fill(*given)
     else:
         fill(*given)

@@ -1,13 +1,14 @@
 """Real drives with virtual cars planted in front of street that the photographs show, removed by whole runs, and measured.
 
     python benchmarks/real_drives/real.py --data DIR --cache DIR [--drives NAMES] [--lpips FILE] [--against REV] [--tree PATH]
-                              [--quality standard] [--cars 6] [--each 6] [--rounds 2] [--plant-only] [-o FILE]
+                              [--without NAMES] [--quality standard] [--cars 6] [--each 6] [--rounds 2] [--plant-only] [-o FILE]
 
 Behind a virtual car the photograph is the truth (``unveil evaluate --holdout-masks``, see unveil_core/evaluate/holdout). Places
 differ: near and far, lane, kerb and sidewalk, sun and shade. Planted drives are made once and kept in the cache, so that every
 revision is measured on the very same holes, by the code of this checkout. ``--against REV`` runs a revision of git in a worktree of
 its own, too; ``--tree PATH`` runs another checkout as it stands in place of this one. Runs that the cache has of the same code,
-drive and quality are not repeated.
+drive and quality are not repeated. ``--without NAMES`` compares runs without some mechanisms (see docs/command.md) with those with
+all of them: they go on from these, from the first stage that differs, so their seconds are of a part only.
 
 In benchmarks/results/real.json, for each drive and tree: means over cars with standard errors, by part (``removed``, ``unseen``,
 ``seen_elsewhere``), of ours, the best OpenCV row and the photograph blurred by some pixels, which is the ceiling of who guesses all
@@ -33,9 +34,10 @@ from benchmarks.real_drives.measured import BLUR_PX, FIGURES, Measured, means_of
 from benchmarks.real_drives.paired import Figures, paired  # noqa: E402
 from benchmarks.real_drives.planted import KeptRound, planted_rounds  # noqa: E402
 from benchmarks.real_drives.table import RealDrive, named  # noqa: E402
-from benchmarks.real_drives.trees import Tree, checked_out, run_once, tree_at  # noqa: E402
+from benchmarks.real_drives.trees import Tree, checked_out, run_once, tree_at, without  # noqa: E402
 from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
+from unveil_core.pipeline.mechanisms import MECHANISMS  # noqa: E402
 
 RESULTS = ROOT / "benchmarks/results/real.json"
 ALL = "all"
@@ -129,6 +131,7 @@ def main() -> None:
     parser.add_argument("--lpips", type=Path, default=None, help="an LPIPS network, TorchScript or ONNX")
     parser.add_argument("--against", default=None, metavar="REV", help="a revision of git to compare with")
     parser.add_argument("--tree", type=Path, default=ROOT, help="a checkout to run in place of this one")
+    parser.add_argument("--without", default="", metavar="NAMES", help="mechanisms to do without, compared with all")
     parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
     parser.add_argument("--cars", type=int, default=6, help="in all rounds, where there is room")
     parser.add_argument("--each", type=int, default=6, help="most of a round")
@@ -136,11 +139,17 @@ def main() -> None:
     parser.add_argument("--plant-only", action="store_true", help="make the planted drives, run nothing on them")
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()
+    if arguments.without and arguments.against:
+        parser.error("--without compares with this checkout itself: leave --against out")
+    if unknown := [n for n in arguments.without.split(",") if n and n not in MECHANISMS]:
+        parser.error(f"not a mechanism: {unknown[0]}")
     quality, now = arguments.quality, machine()
     with ExitStack() as stack:
         trees = [] if arguments.plant_only else [tree_at(arguments.tree)]
         if arguments.against is not None:
             trees.append(stack.enter_context(checked_out(arguments.against, ROOT)))
+        if arguments.without and trees:
+            trees = [without(trees[0], arguments.without.split(",")), trees[0]]
         cars: list[dict[str, Figures]] = [{}, {}]
         for drive in named(arguments.drives):
             rounds = planted_rounds(

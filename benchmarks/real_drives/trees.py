@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from unveil_core.base.files import write_json_atomic
 from unveil_core.base.surroundings.programs import program
 from unveil_core.bench.timing import program_commit
 
-__all__ = ["LAST", "Run", "Tree", "checked_out", "environment_of", "run_once", "tree_at"]
+__all__ = ["LAST", "Run", "Tree", "checked_out", "environment_of", "run_once", "tree_at", "without"]
 
 LAST = "deliver"
 """The stage that writes the frames, which are measured."""
@@ -42,11 +42,13 @@ class Tree:
     Attributes:
         root: its folder; name: what the tables call it: its commit, with a ``+`` where files differ from it.
         digest: of the code of all stages up to :data:`LAST`: what is not run in a run does not count.
+        off: mechanisms that do not work, see ``RunSettings.without``.
     """
 
     root: Path
     name: str
     digest: str
+    off: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,12 @@ def tree_at(root: Path, stage: str | None = None) -> Tree:
     return Tree(root.resolve(), program_commit(root) or root.resolve().name, told.stdout.strip())
 
 
+def without(tree: Tree, names: Sequence[str]) -> Tree:
+    """A checkout whose runs do without some mechanisms."""
+    told = ",".join(names)
+    return replace(tree, name=f"{tree.name} without {told}", digest=f"{tree.digest}_without_{told}", off=tuple(names))
+
+
 @contextmanager
 def checked_out(revision: str, repository: Path, stage: str | None = None) -> Iterator[Tree]:
     """A revision in a worktree of its own, which is gone afterwards; stage: see :func:`tree_at`.
@@ -112,7 +120,8 @@ def checked_out(revision: str, repository: Path, stage: str | None = None) -> It
 
 
 def run_once(tree: Tree, drive: Path, runs: Path, quality: str, arguments: Sequence[str]) -> Run:
-    """Run a tree on a drive, or take the run that the cache has of the same code, drive and quality.
+    """Run a tree on a drive, or take the run that the cache has of the same code, drive and quality. One without some mechanisms
+    goes on from the run with all of them, for stages in which these do not work.
 
     Args:
         drive: folder of the planted drive; runs: folder for the runs on it, a folder for each.
@@ -128,8 +137,13 @@ def run_once(tree: Tree, drive: Path, runs: Path, quality: str, arguments: Seque
     workspace = folder / "workspace"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
+    if tree.off:
+        whole = replace(tree, digest=tree.digest.partition("_without_")[0], off=())
+        begun = run_once(whole, drive, runs, quality, arguments).workspace
+        shutil.copytree(begun, workspace, ignore=shutil.ignore_patterns(".lock"))
     command = [sys.executable, "-m", "unveil_core", "run", str(drive.resolve()), "-o", str(workspace.resolve())]
     command += ["--quality", quality, "--until", LAST, *arguments]
+    command += [f"--without={','.join(tree.off)}"] if tree.off else []
     load, begun = round(os.getloadavg()[0], 2), time.perf_counter()
     with (folder / "run.log").open("w") as log:
         done = subprocess.run(

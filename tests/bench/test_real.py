@@ -15,7 +15,7 @@ from benchmarks.real_drives.paired import estimate, paired
 from benchmarks.real_drives.places import Feature, choose_rounds
 from benchmarks.real_drives.real import comparison_lines, recorded, row_of, table, whole_drive
 from benchmarks.real_drives.table import DRIVES, named
-from benchmarks.real_drives.trees import Tree, run_key, run_once, tree_at
+from benchmarks.real_drives.trees import Tree, run_key, run_once, tree_at, without
 from docs.generate import ROOT
 from unveil_core.evaluate.holdout.placement import Place
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
@@ -92,6 +92,20 @@ def test_a_run_is_not_repeated_and_one_that_fails_is_no_run(tmp_path: Path) -> N
     with pytest.raises(RuntimeError, match="exit 2: .*drive"):
         run_once(replace(tree, digest="other"), tmp_path / "drive", tmp_path / "runs", "draft", [])
     assert not (tmp_path / "runs" / run_key("other", "draft") / "run.json").exists()
+
+
+def test_a_run_without_a_mechanism_is_another_and_goes_on_from_the_whole_one(tmp_path: Path) -> None:
+    tree = Tree(ROOT, "1234567", "abc")
+    less = without(tree, ["quilting", "sun"])
+    assert (less.name, less.off) == ("1234567 without quilting,sun", ("quilting", "sun")) and less.digest != tree.digest
+    whole = tmp_path / "runs" / run_key(tree.digest, "draft")
+    (whole / "workspace").mkdir(parents=True)
+    (whole / "workspace" / "begun.txt").write_text("with all")
+    (whole / "run.json").write_text(json.dumps({"seconds": 3.0, "load": 0.5}))
+    with pytest.raises(RuntimeError, match="exit 2"):  # there is no such drive, and that is no workspace
+        run_once(less, tmp_path / "drive", tmp_path / "runs", "draft", [])
+    folder = tmp_path / "runs" / run_key(less.digest, "draft")
+    assert (folder / "workspace" / "begun.txt").is_file()
 
 
 def test_drives_have_names_and_settings() -> None:

@@ -18,6 +18,7 @@ from tests.drives.formats.street.all_formats import WRITERS
 from tests.drives.formats.street.street import tiny_street
 from tests.fuzz.reader import Opened, Reader, Wrong
 from tests.fuzz.sound import sound_drive, sound_points
+from tests.surfels.test_scene_edit import an_edit, some_surfels
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.pictures.decoding import (
     decode_image,
@@ -48,6 +49,7 @@ from unveil_core.inpaint.chart.files import ChartSources, read_chart_sources, sa
 from unveil_core.mesh.export import read_ply, write_ply
 from unveil_core.mesh.mesh import Mesh
 from unveil_core.surfels.ply import read_surfels, write_surfels
+from unveil_core.surfels.scene_edit import read_edit, write_edit
 from unveil_core.surfels.sky import Sky, load_sky, save_sky
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import load_array, load_mask, save_array, save_mask
@@ -363,8 +365,8 @@ def _columns_of(path: Path) -> list[str]:
 def _workspace_arrays(folder: Path) -> Opened:
     """What a workspace keeps as NumPy arrays, its checkpoints among it."""
     folder.mkdir(parents=True)
-    ground, sky, chart, points, kept = (
-        folder / n for n in ("ground.npz", "sky.npz", "chart.npz", "points.npy", "kept.npz")
+    ground, sky, chart, points, kept, edit = (
+        folder / n for n in ("ground.npz", "sky.npz", "chart.npz", "points.npy", "kept.npz", "edit.npz")
     )
     nodes = np.stack([np.arange(5.0), np.zeros(5)], axis=1)
     way = StreetPath(np.eye(3), nodes, np.zeros(5), 0.0, 1.0)
@@ -372,10 +374,11 @@ def _workspace_arrays(folder: Path) -> Opened:
     save_sky(Sky(torch.full((3, 4, 8), 0.5), np.eye(3)), sky)
     save_chart(ChartSources(np.ones((3, 4), np.uint8), np.zeros((3, 4), np.int16), 0.0, -1.0, 0.05), chart)
     save_array(np.arange(6, dtype=np.uint8), points)
+    write_edit(an_edit(), edit)
     Checkpoint(kept).save({"means": np.ones((3, 3), np.float32)}, {"frames": 3, "loss": 0.5})
     ways: dict[Path, Callable[[Path], object]] = {
         ground: read_ground, sky: load_sky, chart: read_chart_sources,
-        points: load_array, kept: lambda p: Checkpoint(p).load(),
+        points: load_array, edit: lambda p: read_edit(p, 5).apply(some_surfels(5)), kept: lambda p: Checkpoint(p).load(),
     }  # fmt: skip
     return Opened(tuple(ways), lambda p: ways[p](p))
 

@@ -24,12 +24,10 @@ from unveil_core.surfels.surfels import Surfels
 
 __all__ = [
     "DriveGround",
+    "GroundEvidence",
     "MeasuredGround",
     "fit_drive_terrain",
-    "fit_street",
     "measured_ground",
-    "side_places",
-    "street_noise",
 ]
 
 OPAQUE_LOGIT = -1.0
@@ -109,92 +107,86 @@ def measured_ground(points: PointCloud, surfels: Surfels, labels: LabelSet) -> M
 
 
 @dataclass(frozen=True, eq=False)
-class _Evidence:
+class _Places:
     """What tells where a street's ground lies: (P, 3) places on it, (W, 3) of what bounds it, (O, 3) of what stands on it and could
-    be removed, (Q, 3) measured ones."""
+    be removed."""
 
     ground: Float64
     walls: Float64 | None
     standing: Float64 | None
-    sure: Float64
 
 
-def fit_street(
-    surfels: Surfels,
-    labels: LabelSet,
-    cameras: Sequence[Camera],
-    path: StreetPath,
-    measured: MeasuredGround | None = None,
-) -> Ground | None:
-    """The street's ground from the surfels that lie on it: by label, or, in a scene without classes, the level ones underfoot.
+@dataclass(frozen=True, eq=False)
+class GroundEvidence:
+    """What tells of a street's ground, whatever path it is fitted along: the surfels that lie on it by label, or, without classes,
+    the level ones underfoot.
 
-    Args:
-        surfels: the full scene: labels leave out what could be removed, whatever is chosen.
+    Attributes:
+        surfels: the full scene; labels: its labels, which leave out what could be removed, whatever is chosen.
         cameras: of the path's track.
-        path: the street's.
         measured: what the drive's points tell: of these count those that its dataset labels, and those that lie among surfels
             of the ground; None = none.
-    Returns:
-        the ground, or None where too few surfels lie on any.
     """
-    found = _evidence(surfels, labels, cameras, path, measured)
-    if found is None:
-        return None
-    return fit_street_heights(path, found.ground, walls=found.walls, standing=found.standing, sure=found.sure)
 
+    surfels: Surfels
+    labels: LabelSet
+    cameras: Sequence[Camera]
+    measured: MeasuredGround | None = None
 
-def street_noise(
-    surfels: Surfels,
-    labels: LabelSet,
-    cameras: Sequence[Camera],
-    path: StreetPath,
-    measured: MeasuredGround | None = None,
-) -> float:
-    """Spread of the height of what :func:`fit_street` is fitted to, metres: more than ``NOISY_M`` and the fit is a plain one."""
-    found = _evidence(surfels, labels, cameras, path, measured)
-    return 0.0 if found is None else height_noise(path.to_street(found.ground))
+    @property
+    def _sure(self) -> Float64:
+        return np.zeros((0, 3)) if self.measured is None else self.measured.among
 
+    def fit(self, path: StreetPath) -> Ground | None:
+        """The ground along a path, None where too few surfels lie on any."""
+        found = self._places(path)
+        if found is None:
+            return None
+        return fit_street_heights(path, found.ground, walls=found.walls, standing=found.standing, sure=self._sure)
 
-def _evidence(
-    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, measured: MeasuredGround | None
-) -> _Evidence | None:
-    """See :func:`fit_street`; None where too few surfels lie on any ground."""
-    means = surfels.means.double().numpy()
-    of_surfel = surfels.labels.numpy()
-    opaque = surfels.opacity_logits.numpy() > OPAQUE_LOGIT
-    wanted, standing = labels.indices(GROUND_CLASSES), None
-    if wanted:
-        chosen = np.isin(of_surfel, wanted) & opaque
-        if on("ground_strays"):
-            chosen[chosen] = ~_strays(path, means[chosen], cameras)
-    else:
-        goes = np.isin(of_surfel, labels.indices((*REMOVABLE, "remove")))
-        standing, stays = means[goes & opaque], opaque & ~goes
-        level = stays & (np.abs(surfels.normals().double().numpy() @ path.axes[2]) > LEVEL)
-        chosen = _underfoot(path, means, level, cameras)
-    if chosen.sum() < FEWEST:
-        return None
-    sides = labels.indices(SIDE_CLASSES)
-    walls = _facing(path, surfels, np.isin(of_surfel, sides) & opaque) if sides else None
-    ground, sure = means[chosen], np.zeros((0, 3)) if measured is None else measured.among
-    if len(sure) and on("measured_ground") and height_noise(path.to_street(ground)) <= NOISY_M:
-        some = every_nth(sure, MOST_MEASURED)
-        times = int(np.clip(MOST_REPEATED // len(some), 1, OF_MEASURED))
-        ground = np.concatenate([ground, np.repeat(some, times, axis=0)])
-    if measured is not None and measured.points.classes is not None:
-        ground = np.concatenate([ground, measured_points(measured.points, GROUND_CLASSES)])
-        more = measured_points(measured.points, SIDE_CLASSES)
-        walls = more if walls is None else np.concatenate([walls, more])
-    return _Evidence(ground, walls, standing, sure)
+    def noise(self, path: StreetPath) -> float:
+        """Spread of the height of what :meth:`fit` is fitted to, metres: more than ``NOISY_M`` and the fit is a plain one."""
+        found = self._places(path)
+        return 0.0 if found is None else height_noise(path.to_street(found.ground))
 
+    def _places(self, path: StreetPath) -> _Places | None:
+        """See :meth:`fit`; None where too few surfels lie on any ground."""
+        surfels, labels, measured = self.surfels, self.labels, self.measured
+        means = surfels.means.double().numpy()
+        of_surfel = surfels.labels.numpy()
+        opaque = surfels.opacity_logits.numpy() > OPAQUE_LOGIT
+        wanted, standing = labels.indices(GROUND_CLASSES), None
+        if wanted:
+            chosen = np.isin(of_surfel, wanted) & opaque
+            if on("ground_strays"):
+                chosen[chosen] = ~_strays(path, means[chosen], self.cameras)
+        else:
+            goes = np.isin(of_surfel, labels.indices((*REMOVABLE, "remove")))
+            standing, stays = means[goes & opaque], opaque & ~goes
+            level = stays & (np.abs(surfels.normals().double().numpy() @ path.axes[2]) > LEVEL)
+            chosen = _underfoot(path, means, level, self.cameras)
+        if chosen.sum() < FEWEST:
+            return None
+        sides = labels.indices(SIDE_CLASSES)
+        walls = _facing(path, surfels, np.isin(of_surfel, sides) & opaque) if sides else None
+        ground = means[chosen]
+        if len(self._sure) and on("measured_ground") and height_noise(path.to_street(ground)) <= NOISY_M:
+            some = every_nth(self._sure, MOST_MEASURED)
+            times = int(np.clip(MOST_REPEATED // len(some), 1, OF_MEASURED))
+            ground = np.concatenate([ground, np.repeat(some, times, axis=0)])
+        if measured is not None and measured.points.classes is not None:
+            ground = np.concatenate([ground, measured_points(measured.points, GROUND_CLASSES)])
+            more = measured_points(measured.points, SIDE_CLASSES)
+            walls = more if walls is None else np.concatenate([walls, more])
+        return _Places(ground, walls, standing)
 
-def side_places(ground: Ground, surfels: Surfels, labels: LabelSet) -> Float64:
-    """(W, 3) places of what bounds the ground, as far up as it tells where the ground ends."""
-    chosen = np.isin(surfels.labels.numpy(), labels.indices(SIDE_CLASSES))
-    chosen &= surfels.opacity_logits.numpy() > OPAQUE_LOGIT
-    means = surfels.means.double().numpy()[chosen]
-    over = ground.over(ground.path.to_street(means))
-    return means[(over > WALL_FOOT_M) & (over < WALL_TOP_M)]
+    def side_places(self, ground: Ground) -> Float64:
+        """(W, 3) places of what bounds the ground, as far up as it tells where the ground ends."""
+        chosen = np.isin(self.surfels.labels.numpy(), self.labels.indices(SIDE_CLASSES))
+        chosen &= self.surfels.opacity_logits.numpy() > OPAQUE_LOGIT
+        means = self.surfels.means.double().numpy()[chosen]
+        over = ground.over(ground.path.to_street(means))
+        return means[(over > WALL_FOOT_M) & (over < WALL_TOP_M)]
 
 
 def _facing(path: StreetPath, surfels: Surfels, chosen: Mask) -> Float64:

@@ -41,6 +41,7 @@ def test_deep_blue_shade_keeps_its_hue() -> None:
     shadow = np.zeros((200, 80), bool)
     shadow[60:140, 20:60] = True
     color = np.where(shadow[..., None], np.float32([0.2, 0.33, 0.45]), np.float32(1)) * target
-    gain = relight.relighting_gain(color, target, ~np.zeros_like(shadow), shadow, grow(shadow, 2), shadow, per_m=PER_M)
+    none = np.zeros_like(shadow)
+    gain = relight.relighting_gain(color, target, ~none, shadow, grow(shadow, 2), shadow, none, per_m=PER_M)
     inside = (color * gain)[80:120, 30:50]
     np.testing.assert_allclose(inside, 0.5, atol=0.02)

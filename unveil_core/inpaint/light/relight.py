@@ -91,7 +91,8 @@ def prevailing_shade(color: Float32, seen: Mask, footprint: Mask, *, window: int
     # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
     opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * per_m))
     scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
-    return Shade(opened.astype(bool) & seen, np.ones(3, dtype=np.float32), scaled.astype(np.float32))
+    ones = np.ones(3, dtype=np.float32)
+    return Shade(opened.astype(bool) & seen, ones, scaled.astype(np.float32), np.zeros_like(seen))
 
 
 def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m: float) -> float:
@@ -275,15 +276,7 @@ def levelled_border(shadow: Mask, per_m: float) -> Mask:
 
 
 def relighting_gain(
-    color: Float32,
-    target: Float32,
-    seen: Mask,
-    shadow: Mask,
-    wide: Mask,
-    relit: Mask,
-    paint: Mask | None = None,
-    *,
-    per_m: float,
+    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, paint: Mask, *, per_m: float
 ) -> Float32:
     """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth.
 
@@ -301,36 +294,20 @@ def relighting_gain(
         end = min(first + strip, rows)
         near = slice(max(first - around, 0), end + around)
         if shadow[near].any() or wide[near].any():
-            part = _gain_of_strip(
-                color[near],
-                target[near],
-                seen[near],
-                shadow[near],
-                wide[near],
-                relit[near],
-                None if paint is None else paint[near],
-                per_m=per_m,
-            )
+            planes = (plane[near] for plane in (color, target, seen, shadow, wide, relit, paint))
+            part = _gain_of_strip(*planes, per_m=per_m)  # type: ignore[arg-type]
             gain[first:end] = part[first - near.start :][: end - first]
     return gain
 
 
 def _gain_of_strip(
-    color: Float32,
-    target: Float32,
-    seen: Mask,
-    shadow: Mask,
-    wide: Mask,
-    relit: Mask,
-    paint: Mask | None,
-    *,
-    per_m: float,
+    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, paint: Mask, *, per_m: float
 ) -> Float32:
     """:func:`relighting_gain` of some rows; right where ``REACH_M`` of rows lie around."""
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
     ring = disc(PENUMBRA_M * per_m)
     # Paint that is not on the offset's profile says nothing of the light; it gets what the ground beside it gets.
-    unlike = np.zeros_like(relit) if paint is None else relit & grow(paint, SMOOTH_M * per_m)
+    unlike = relit & grow(paint, SMOOTH_M * per_m)
     relit = relit & ~unlike
     # The light that remains is measured inside the shadow; its border counts where there is no inside.
     inside = relit & cv2.erode((shadow | ~seen).astype(np.uint8), ring).astype(bool)

@@ -102,13 +102,13 @@ class Shade:
         dark: (A, B) bool, seen texels in shadow.
         ratio: (3,) or (A, B, 3) colour in shadow by colour in the sun.
         lit: (A, B, 3) median colour of the lateral offset in full sun.
-        paint: (A, B) bool, dark texels that are brighter than their offset's ground in shade; None where that is not known.
+        paint: (A, B) bool, dark texels that are known to be brighter than their offset's ground in shade.
     """
 
     dark: Mask
     ratio: Float32
     lit: Float32
-    paint: Mask | None = None
+    paint: Mask
 
 
 def read_shade(

@@ -17,14 +17,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale_and_up import ESTIMATED_SCALES, ESTIMATED_UPS
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
-from unveil_core.ground.fit import (
-    DriveGround,
-    fit_drive_terrain,
-    fit_street,
-    measured_ground,
-    side_places,
-    street_noise,
-)
+from unveil_core.ground.fit import DriveGround, GroundEvidence, fit_drive_terrain, measured_ground
 from unveil_core.ground.one_place import LEAST_OWN, goes_round, share_of_own
 from unveil_core.ground.path import fit_path, way_of
 from unveil_core.ground.plain_fit import NOISY_M
@@ -92,7 +85,8 @@ def run(context: StageContext) -> Facts:
     own, orbits = share_of_own(path), goes_round(path)
     one_street = own >= LEAST_OWN and not orbits
     measured = measured_ground(drive.points, surfels, scene.labels)
-    street = fit_street(surfels, scene.labels, of_track, path, measured) if one_street else None
+    evidence = GroundEvidence(surfels, scene.labels, of_track, measured)
+    street = evidence.fit(path) if one_street else None
     rectified: Rectified | None = None
     context.progress(1, 4, "fitting the ground")
     if street is not None:
@@ -105,13 +99,13 @@ def run(context: StageContext) -> Facts:
         images = context.cache.frames(len(frames), lambda i: exposures.read(frames[i]))
         cameras = [f.camera for f in frames]
         frames_of = (cameras, images, labels, usable)
-        kinds, walls = scene.labels.indices(GROUND_CLASSES), side_places(street, surfels, scene.labels)
+        kinds, walls = scene.labels.indices(GROUND_CLASSES), evidence.side_places(street)
         if on("path_ahead"):
             ahead = path_ahead(street, of_track, *frames_of, kinds=kinds, walls=walls)
-            street = fit_street(surfels, scene.labels, of_track, ahead, measured) or street
+            street = evidence.fit(ahead) or street
         if on("rectified_path"):
             rectified = rectified_path(street, *frames_of, context.kept, context.progress)
-            street = fit_street(surfels, scene.labels, of_track, rectified.path, measured) or street
+            street = evidence.fit(rectified.path) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")
     terrain = fit_drive_terrain(measured, path.axes, street) if on("terrain") else None
@@ -146,8 +140,7 @@ def run(context: StageContext) -> Facts:
         Assumption("the way is one street", one_street, shape, PLAIN),
     ]
     if one_street:
-        noise = street_noise(surfels, scene.labels, of_track, path, measured)
-        found += _street_assumed(scene.labels, street, rectified, noise)
+        found += _street_assumed(scene.labels, street, rectified, evidence.noise(path))
     return assumed(found)
 
 
