@@ -1,7 +1,7 @@
 """Holes in charts: footprints of removed objects pasted where the street was seen, filled by the project's own fill, without a run.
 
-    python benchmarks/real_drives/chart_holes.py --cache DIR [--drives NAMES] [--workspaces NAME=DIR ...] [--holes 120] [--lpips FILE]
-                                     [--against REV] [--without NAMES] [--tree PATH] [--fresh] [-o FILE]
+    python benchmarks/real_drives/chart_holes.py --cache DIR [--drives NAMES] [--workspaces NAME=DIR ...] [--holes 120]
+        [--lpips FILE] [--against REV] [--without NAMES] [--tree PATH] [--fresh] [-o FILE]
 
 A whole run measures six holes a drive in ten minutes; here the chart of the ground that a finished workspace has is filled with a
 dozen holes at once, a hundred and more a drive. The drives are those that real.py has in its cache, and any workspace
