@@ -35,7 +35,7 @@ class UNVEIL_PT_fixes(Section, bpy.types.Panel):
         for i, fix in enumerate(listed.fixes):
             row = layout.row(align=True)
             row.operator("unveil.go_to_fix", text=f"{fix.time} {fix.track}", icon="IMAGE_DATA").index = i
-            row.prop(fix, "invent", text="", icon="BRUSH_DATA" if not fix.invent else "MOD_NOISE")
+            row.prop(fix, "invent", text="Fill", toggle=True)
             row.operator("unveil.forget_fix", text="", icon="X").index = i
         if len(listed.fixes):
             row = layout.row()

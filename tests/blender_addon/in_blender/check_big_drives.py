@@ -59,11 +59,11 @@ def test_full_detail_and_back(addon, scene, loaded: Path) -> None:
     view.state = "AFTER"
     after, before = bpy.data.objects["Mesh after"], bpy.data.objects["Mesh before"]
     shown, count = places(after.data), after["unveil_triangles"]
-    assert f"Full detail: {count:,} triangles" in drawn(panel)
+    assert f"Full Detail: {count:,} Triangles" in drawn(panel)
     assert bpy.ops.unveil.full_detail() == {"FINISHED"}
     assert len(after.data.polygons) == count == after["unveil_triangles_shown"]
     assert len(before.data.polygons) <= 2000  # one state at a time
-    assert f"Full detail: {count:,} triangles" in drawn(panel)
+    assert f"Full Detail: {count:,} Triangles" in drawn(panel)
     bpy.ops.unveil.load_workspace()
     assert len(after.data.polygons) == count  # stays, also when results are loaded again
     assert bpy.ops.unveil.full_detail() == {"FINISHED"}

@@ -88,7 +88,7 @@ def test_a_painted_frame_is_followed_by_all_others(addon, scene, workspace, tmp_
     bpy.ops.unveil.forget_fix(index=0)
     from check_run import drawn
 
-    assert "Redo without it" in drawn(addon.module("ui.panel_fixes").UNVEIL_PT_fixes)
+    assert "Redo without It" in drawn(addon.module("ui.panel_fixes").UNVEIL_PT_fixes)
     assert not (workspace / "corrections.json").exists() and "--corrections" not in addon.module(
         "choice.selection"
     ).arguments(scene)
