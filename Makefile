@@ -35,6 +35,7 @@ BLENDER ?= blender
 test-window: extension
 	$(BIN)/python tests/blender_addon/window/click_path.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/window
 	$(BIN)/python tests/blender_addon/window/no_lost_work.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/no_lost_work $(if $(SMALL_DISK),--small-disk "$(SMALL_DISK)")
+	$(BIN)/python tests/blender_addon/window/opened_files.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/opened_files
 	$(BIN)/python tests/blender_addon/window/working_day.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/working_day
 	$(BIN)/python tests/blender_addon/window/fix_by_hand.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/fix_by_hand
 	$(BIN)/python tests/blender_addon/window/pictures.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip --workspace build/fix_by_hand/ws -o build/pictures --into blender_addon/pictures

@@ -130,6 +130,11 @@ def import_drive(window: BlenderWindow, drive: Path) -> None:
     window.picture("04_file_dialog")
     left, top, right, bottom = window.ask("rectangle('FILE_BROWSER', 'EXECUTE')")
     window.click(left + 0.92 * (right - left), (top + bottom) / 2)
+    window.until("session().busy")  # it is looked at first
+    window.until("not session().busy", 180)
+    time.sleep(1)
+    window.picture("04_what_was_found")
+    window.press("Return")
     window.until("session().busy")
     window.until("not session().busy", 180)
     assert window.ask("told()")[0] == "done", window.ask("told()")

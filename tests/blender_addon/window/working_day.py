@@ -74,6 +74,8 @@ def dropped(window: BlenderWindow, drive: Path, workspace: Path) -> None:
         VIEW
         + f"bpy.ops.wm.drop_import_file('INVOKE_DEFAULT', directory={str(drive.parent)!r}, files=[{{'name': {drive.name!r}}}])"
     )
+    window.until("session().busy", 20)  # it is looked at first
+    window.until("not session().busy", 120)
     time.sleep(1)
     window.picture("01_dropped")
     window.press("Return")
