@@ -35,6 +35,8 @@ class UNVEIL_MT_remove(bpy.types.Menu):
         layout.operator("unveil.add_box")
         layout.operator("unveil.add_mattes")
         layout.operator("unveil.outline_object")
+        layout.operator("unveil.paint_mask")
+        layout.operator("unveil.use_painted")
         layout.separator()
         layout.prop_menu_enum(listed, "boxes")
         layout.prop(listed, "ghosts")

@@ -10,7 +10,6 @@ import bpy
 from ...scene import versions
 from ...work import preferences
 from ...work.job.redrawing import redraw
-from ...worker.interpreter import Found, find
 
 __all__ = ["is_looking", "is_missing"]
 
@@ -18,17 +17,16 @@ FIRST_S, LOOK_S = 1.0, 0.2
 
 
 class _Looking(threading.Thread):
-    """What was found is there when it has ended."""
+    """The preferences remember what it has found when it has ended."""
 
     def __init__(self, context: bpy.types.Context) -> None:
         super().__init__(name="unveil-look", daemon=True)
         self.named = _named(context)
-        self.found: Found | None = None
-        self._places = preferences._candidates(context)
+        self._search = preferences.search(context)
         self.start()
 
     def run(self) -> None:
-        self.found = find(self._places)
+        self._search()
 
 
 _looking: _Looking | None = None
@@ -66,8 +64,6 @@ def _look() -> float | None:
         _looking = None
         return LOOK_S
     _looked_for = _looking.named
-    if _looking.found is not None:
-        preferences.remember(bpy.context, _looking.found)
     redraw(bpy.context)
     return None
 

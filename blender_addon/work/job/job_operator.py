@@ -17,16 +17,14 @@ from ...formats.files import one_line
 from ...scene import versions
 from ...worker.awaited_job import AwaitedJob, Start
 from ...worker.interpreter import Found
-from ...worker.job_state import JobState, duration
 from ...worker.jobs import Job, unveil_job
 from ...worker.session import session
-from ...worker.workspace_state import SOLVING, STAGES
 from ..preferences import known_interpreter, search
 from .following import follow
 from .redrawing import redraw
 from .task import Task
 
-__all__ = ["JobOperator", "UserError", "progress_lines", "stage_line"]
+__all__ = ["JobOperator", "UserError"]
 
 
 NO_PYTHON = "No Python with unveil was found: open the add-on's preferences and press Install"
@@ -125,21 +123,6 @@ class JobOperator:
             self.report({"ERROR"}, one_line(error, context.scene.unveil.workspace))  # type: ignore[attr-defined]
             return None
         return self.task(context)
-
-
-def stage_line(state: JobState) -> str:
-    """The bar counts one stage: which of how many that is, and its name."""
-    name = {**SOLVING, **STAGES}.get(state.stage, state.stage) or "starting"
-    return f"Stage {state.place[0]} of {state.place[1]}: {name}" if state.place else name
-
-
-def progress_lines(state: JobState) -> tuple[str, str]:
-    """Count and message; loss and time left. Either may be empty."""
-    count = f"{state.done}/{state.total}" if state.total > 1 else ""
-    loss = f"loss {state.metrics['loss']:.4f}" if "loss" in state.metrics else ""
-    left = state.seconds_left()
-    remaining = f"{duration(left)} left" if left is not None else ""
-    return "  ".join(p for p in (count, state.message) if p), "  ".join(p for p in (loss, remaining) if p)
 
 
 def _usable(found: Found | None) -> Path:
