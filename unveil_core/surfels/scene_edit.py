@@ -121,13 +121,13 @@ def read_edit(path: Path, count: int | None = None) -> SceneEdit:
         WorkspaceError: it is not there, cannot be read, or is no edit of a scene of so many surfels.
     """
     if not path.is_file():
-        problem = "is not there: the stage that writes it has not run, or an older version made the workspace"
+        problem = "Not found: the stage that writes it has not run, or an older version made the workspace"
         raise WorkspaceError(problem, path=path, mend="run `unveil run` again")
     try:
         with open_npz(path, most_bytes=LARGEST_BYTES) as data:
             return _edit({name: data[name] for name in data.files}, count)
     except NO_ARCHIVE as error:
-        raise WorkspaceError(f"is no edit of the scene: {error}", path=path, mend="run `unveil run` again") from error
+        raise WorkspaceError(f"Not an edit of the scene: {error}", path=path, mend="run `unveil run` again") from error
 
 
 def _edit(arrays: Mapping[str, NDArray[Any]], count: int | None) -> SceneEdit:

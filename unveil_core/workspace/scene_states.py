@@ -25,7 +25,7 @@ def check_scene_state(state: str) -> None:
         SettingsError: there is none.
     """
     if state not in SCENE_STATES:
-        raise SettingsError(f"no state is called {state!r}", mend=f"use {', '.join(SCENE_STATES)}")
+        raise SettingsError(f"Not a state: {state}", mend=f"use {', '.join(SCENE_STATES)}")
 
 
 def scene_file(workspace: Workspace, state: str) -> Path:
@@ -41,5 +41,5 @@ def scene_file(workspace: Workspace, state: str) -> Path:
         "edited": workspace.root / "surfels/edited.ply",
     }[state]
     if not path.is_file():
-        raise WorkspaceError(f"there is no {state} scene yet", path=path, mend=_MENDS[state])
+        raise WorkspaceError(f"Not made yet: the {state} scene", path=path, mend=_MENDS[state])
     return path
