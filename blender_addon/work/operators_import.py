@@ -77,7 +77,7 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
         if self.filepath:
             drive = blocks.absolute(self.filepath)
             if not drive.exists():
-                raise UserError(f"{drive}: there is no such drive")
+                raise UserError(f"{drive}: Not found")
             if not settings.drive or blocks.absolute(settings.drive) != drive:
                 settings.workspace = ""
             settings.drive = str(drive)
@@ -85,7 +85,7 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
             raise UserError("There is no drive yet: choose a transforms.json or the folder of a drive")
         drive = blocks.absolute(settings.drive)
         if not drive.exists():
-            raise UserError(f"{drive}: there is no such drive")
+            raise UserError(f"{drive}: Not found")
         if self.workspace:
             settings.workspace = self.workspace
         if not settings.workspace:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..formats.open_safely import LARGEST_SCENE, LARGEST_STATE, open_file, read_bytes
+from ..formats.table.run_settings import of_stage
 
 __all__ = ["SOLVING", "STAGES", "StageState", "WorkspaceState", "read", "stages_of"]
 
@@ -116,15 +117,15 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
     in_use = any(entry.get("status") == "running" for entry in recorded.values()) and _in_use(root)
     stages: dict[str, StageState] = {}
     for name in STAGES:
-        entry = recorded.get(name, {})
-        made_with = _chosen(root, wanted or {}) if name == "choose" else {}
-        state = _state({**entry, "settings": {**(entry.get("settings") or {}), **made_with}}, wanted or {}, in_use)
+        entry, here = recorded.get(name, {}), of_stage(name, wanted or {})
+        made_with = _chosen(root, here) if name == "choose" else {}
+        state = _state({**entry, "settings": {**(entry.get("settings") or {}), **made_with}}, here, in_use)
         if state == "done" and not _follows(entry, recorded, stages):
             state = "stale"
         message = _why_failed(root, name) if state == "failed" else ""
         if state in ("to do", "stale") and entry.get("status") == "running":
             message = "was broken off; Unveil goes on from here"
-        changed = _changed({**(entry.get("settings") or {}), **made_with}, wanted or {}) if state == "stale" else ()
+        changed = _changed({**(entry.get("settings") or {}), **made_with}, here) if state == "stale" else ()
         seconds = _seconds(entry.get("seconds")) if state == "done" else None
         stages[name] = StageState(name, state, seconds, message, changed)
     return WorkspaceState(root, True, drive=str(data.get("drive", "")), stages=stages)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ADVANCED", "BASIC", "CHOSEN", "GROUPS", "SHOWN", "SUN", "RunSetting", "same"]
+__all__ = ["ADVANCED", "BASIC", "CHOSEN", "GROUPS", "SHOWN", "SUN", "RunSetting", "of_stage", "same"]
 
 AUTO = "auto"
 CHOSEN = ("remove", "instances", "marked", "per_object", "corrections")
@@ -135,12 +135,19 @@ def _rounded(value: float) -> float:
         return value
 
 
-def _read() -> tuple[Mapping[str, str], tuple[RunSetting, ...]]:
+def _read() -> tuple[Mapping[str, str], tuple[RunSetting, ...], Mapping[str, str]]:
     data = json.loads((Path(__file__).parent / "settings.json").read_text(encoding="utf-8"))
-    return data["groups"], tuple(RunSetting(**row) for row in data["settings"])
+    return data["groups"], tuple(RunSetting(**row) for row in data["settings"]), data["mechanisms"]
 
 
-GROUPS, _ALL = _read()
+def of_stage(stage: str, wanted: Mapping[str, object]) -> Mapping[str, object]:
+    """Settings as a stage records them: of what a run does without only its own mechanisms, in the order of the list."""
+    if not isinstance(names := wanted.get("without"), list):
+        return wanted
+    return {**wanted, "without": [name for name, place in _MECHANISMS.items() if place == stage and name in names]}
+
+
+GROUPS, _ALL, _MECHANISMS = _read()
 SHOWN = tuple(setting for setting in _ALL if setting.name not in CHOSEN)
 """Those that are properties, in the order in which they are shown."""
 BASIC = tuple(setting for setting in SHOWN if not setting.expert)

@@ -93,7 +93,7 @@ class UNVEIL_OT_check_drive(DialogSettings, JobOperator, bpy.types.Operator):
     def arguments(self, context: bpy.types.Context) -> list[str]:
         drive = blocks.absolute(self.filepath)
         if not self.filepath or not drive.exists():
-            raise UserError(f"{shown(str(drive))}: there is no such drive (pick its file, or its folder)")
+            raise UserError(f"{shown(str(drive))}: Not found (pick its file, or its folder)")
         settings = Overlaid(context.scene.unveil, dict(self.given()))
         page = Path(own_folder()) / PAGE
         options = settings_arguments(settings, bpy.path.abspath)

@@ -20,7 +20,7 @@ def command(addon, scene):  # type: ignore[no-untyped-def]
     ("arguments", "line"),
     [
         ([], "required"),
-        (["run", "/nowhere", "-o", "WS"], "/nowhere: there is no such drive"),
+        (["run", "/nowhere", "-o", "WS"], "/nowhere: Not found"),
         (["run", "x", "-o", "WS", "--quality", "best"], "invalid choice"),
         (["run", "x", "-o", "WS", "--save"], "expected one argument"),
         (["doctor", "--save", "out.blend"], "--save goes with the verbs run and import"),

@@ -239,7 +239,7 @@ def test_a_folder_that_is_no_workspace_is_one_line(addon, scene, tmp_path: Path)
 
     with pytest.raises(RuntimeError, match="is no workspace"):
         bpy.ops.unveil.load_workspace(directory=str(tmp_path))
-    with pytest.raises(RuntimeError, match="there is no such drive"):
+    with pytest.raises(RuntimeError, match="Not found"):
         bpy.ops.unveil.import_drive(filepath=str(tmp_path / "nowhere.json"))
     assert list(scene.collection.children) == []
 

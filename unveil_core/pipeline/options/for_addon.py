@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 
+from unveil_core.pipeline.mechanisms import MECHANISMS
 from unveil_core.pipeline.options.table import GROUPS, TABLE, Setting
 
 __all__ = ["table_as_json"]
 
 
 def table_as_json() -> str:
-    """A list of objects, one for each setting, in the order in which they are shown."""
+    """A list of objects, one for each setting, in the order in which they are shown; and the stage of each mechanism."""
     rows = ",\n".join(f"  {json.dumps(_row(setting))}" for setting in TABLE)
-    return f'{{\n "groups": {json.dumps(GROUPS)},\n "settings": [\n{rows}\n ]\n}}\n'
+    stages = json.dumps({m.name: m.stage for m in MECHANISMS.values()})
+    return f'{{\n "groups": {json.dumps(GROUPS)},\n "mechanisms": {stages},\n "settings": [\n{rows}\n ]\n}}\n'
 
 
 def _row(setting: Setting) -> dict[str, object]:
