@@ -130,7 +130,7 @@ def test_the_edited_scene_is_what_somebody_left_of_it(
 ) -> None:
     edited = Path(shutil.copytree(workspace, tmp_path / "edited"))
     command = ["render", str(edited), "--state", "edited", "-o", str(tmp_path / "out")]
-    assert main(command) == 2 and "there is no edited scene yet (edit the Gaussians" in capsys.readouterr().err
+    assert main(command) == 2 and "Not made yet: the edited scene (edit the Gaussians" in capsys.readouterr().err
     whole = read_surfels(edited / "surfels/empty.ply")
     write_surfels(whole.select(torch.zeros(0, dtype=torch.long)), edited / "surfels/edited.ply")
     assert main([*command, "--planes", "alpha"]) == 0

@@ -27,7 +27,9 @@ def test_a_network_that_is_none_is_told_before_the_scene_is_made(
         assert not (tmp_path / "scene").exists()
 
 
-@pytest.mark.parametrize(("more", "said"), [(["--rows", "magic"], "'magic'"), (["--inpainter", "magic"], "'magic'")])
+@pytest.mark.parametrize(
+    ("more", "said"), [(["--rows", "magic"], "Not a row: magic"), (["--inpainter", "magic"], "'magic'")]
+)
 def test_bad_input_is_one_line(street: Path, more: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "pipeline", str(street), *more]) == 2
     error = capsys.readouterr().err

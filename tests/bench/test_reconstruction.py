@@ -44,7 +44,7 @@ def test_between_pixels_of_a_plane_inverse_depth_is_exact() -> None:
 
 
 def test_unknown_losses_and_qualities_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SettingsError, match="'beauty'"):
+    with pytest.raises(SettingsError, match="Not a loss: beauty"):
         bench_reconstruction(tmp_path, without=("beauty",))
     assert main(["bench", "reconstruction", str(tmp_path / "nowhere")]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1

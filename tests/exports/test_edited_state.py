@@ -40,7 +40,7 @@ def test_splats_of_the_edited_scene(edited: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("formats", "told"),
-    [("glb", "the edited scene has no mesh"), ("png", "png is of the empty street only")],
+    [("glb", "the edited scene has no mesh"), ("png", "png shows the empty street only")],
 )
 def test_what_has_no_such_state_is_one_line(
     edited: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], formats: str, told: str
@@ -54,4 +54,4 @@ def test_a_workspace_that_was_not_edited_says_where(
     street: Street, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["export", str(street.root), "--to", "spz", "--state", "edited", "-o", str(tmp_path / "out")]) == 2
-    assert "there is no edited scene yet (edit the Gaussians in Blender 5.3" in capsys.readouterr().err
+    assert "Not made yet: the edited scene (edit the Gaussians in Blender 5.3" in capsys.readouterr().err

@@ -10,9 +10,9 @@ import numpy as np
 
 from blender_addon.formats.drive_files import read_drive
 from blender_addon.formats.files import one_line
+from blender_addon.formats.gaussians import gaussians_of
 from blender_addon.formats.ply_file import read_ply
 from blender_addon.formats.sequences import REGION_COLORS, with_palette
-from blender_addon.formats.splats import surfel_discs
 from blender_addon.worker import workspace_state
 from blender_addon.worker.job_state import JobState
 from tests.fuzz.reader import Opened, Reader, Wrong
@@ -117,9 +117,9 @@ def _ply(folder: Path) -> Opened:
             raise Wrong("a triangle of a vertex that is not there is taken")
         _ = found.colors
         if file == files[1]:
-            centres, first, second, _ = surfel_discs(found)
-            if not all(np.isfinite(v).all() for v in (centres, first, second)):
-                raise Wrong("a disc that is not finite is taken")
+            gaussians = gaussians_of(found, 1.0, np.arange(len(found.vertices)))
+            if not all(np.isfinite(v).all() for v in vars(gaussians).values()):
+                raise Wrong("a Gaussian that is not finite is taken")
 
     return Opened(files, read)
 

@@ -208,7 +208,7 @@ def test_after_a_kill_the_next_run_says_so(tmp_path: Path) -> None:
     workspace = Workspace.create(tmp_path / "w")
     workspace.update_stage("read", status="running")
     assert go(tmp_path / "w", tmp_path / "drive") == ["read"] and go(tmp_path / "w", tmp_path / "drive") == []
-    told = [e for e in workspace.events() if "ended here from outside: killed, or out of memory" in e["message"]]
+    told = [e for e in workspace.events() if "ended here: killed, or out of memory" in e["message"]]
     assert [(e["stage"], e["level"]) for e in told] == [("read", "notice")]
 
 

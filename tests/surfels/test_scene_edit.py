@@ -56,7 +56,7 @@ def test_a_file_gives_back_what_was_written(edit: SceneEdit, tmp_path: Path) -> 
 
 
 def test_a_missing_file_is_one_line_that_tells_the_causes_apart(tmp_path: Path) -> None:
-    with pytest.raises(WorkspaceError, match=r"edit\.npz: is not there: .* has not run, or an older version"):
+    with pytest.raises(WorkspaceError, match=r"edit\.npz: Not found: .* has not run, or an older version"):
         read_edit(tmp_path / "edit.npz")
 
 
@@ -82,11 +82,11 @@ def test_what_is_no_edit_of_this_scene_is_one_line(change: dict[str, Any], said:
     with np.load(path) as data:
         arrays = {name: data[name] for name in data.files}
     np.savez(path, **{**arrays, **change})
-    with pytest.raises(WorkspaceError, match=f"is no edit of the scene: .*{said}"):
+    with pytest.raises(WorkspaceError, match=f"Not an edit of the scene: .*{said}"):
         read_edit(path, 5)
 
 
 def test_bytes_that_are_no_archive_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "edit.npz").write_bytes(b"no archive")
-    with pytest.raises(WorkspaceError, match="is no edit of the scene"):
+    with pytest.raises(WorkspaceError, match="Not an edit of the scene"):
         read_edit(tmp_path / "edit.npz")

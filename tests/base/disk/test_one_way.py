@@ -38,6 +38,7 @@ ALLOWED = {
     "unveil_core/app/cli.py": "the system's null device",
     "unveil_core/base/networks/child.py": "the system's null device",
     "unveil_core/app/doctor.py": "tells the machine",
+    "blender_addon/formats/splat_files/splat_facts.py": "arrays of what was read whole before",
     "unveil_core/bench/timing.py": "tells the machine",
     "unveil_core/forecast/machine.py": "tells the machine",
     "unveil_core/forecast/costs.py": "the program's own",

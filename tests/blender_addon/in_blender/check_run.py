@@ -50,7 +50,7 @@ def test_bad_input_is_one_line_and_the_log_a_text(addon, empty) -> None:
         bpy.ops.unveil.run()
     assert "unveil: error: /nowhere" in log(addon) and "exit code 2" in log(addon)
     assert addon.module("worker.session").session.last.status == "bad input"
-    with pytest.raises(RuntimeError, match="no such drive"):
+    with pytest.raises(RuntimeError, match="Not found"):
         bpy.ops.unveil.run()
     assert sum(1 for text in bpy.data.texts if text.get("unveil_log")) == 1
     assert bpy.ops.unveil.show_log() == {"FINISHED"}

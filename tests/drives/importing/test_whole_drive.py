@@ -112,7 +112,7 @@ def test_time_stamps_of_no_clock_give_no_rate(tmp_path: Path, step: float) -> No
     path = make_tiny_drive(tmp_path / "drive")
     edit(path, lambda d: [f.update(timestamp=i * step) for i, f in enumerate(d["frames"])])
     if step > 1:
-        with pytest.raises(DriveError, match=r"Not a time stamp: 1e\+300 \(frame 01)"):
+        with pytest.raises(DriveError, match=r"Not a time stamp: 1e\+300 \(frame 01\)"):
             import_drive(open_drive(path), tmp_path / "out")
         assert not (tmp_path / "out").exists()
         return

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.fields.kriging import kriged
 from unveil_core.inpaint.fill.carried import carried_surface
 from unveil_core.inpaint.fill.quilting import quilt
 from unveil_core.inpaint.fill.texture import SHARE
@@ -41,7 +40,7 @@ def fill_wall(color: Float32, known: Mask, wanted: Mask, sky: Mask | None = None
     nothing = np.zeros_like(wanted)
     if not (wanted.any() and known.any()):
         return WallFill(color.copy(), nothing, nothing)
-    opened = nothing if sky is None or not sky.any() else wanted & (_share_of(sky, known, texel) > 0.5)
+    opened = nothing if sky is None or not sky.any() else wanted & _over_the_eaves(known, wanted, sky)
     filled = wanted & ~opened
     surface, fine = carried_surface(color, known, texel)
     # From above: what hides a wall stands at its foot, and what lies over it tells where its windows are.
@@ -51,6 +50,15 @@ def fill_wall(color: Float32, known: Mask, wanted: Mask, sky: Mask | None = None
     return WallFill(np.where(filled[..., None], made, color), filled, opened)
 
 
-def _share_of(sky: Mask, known: Mask, texel: float) -> Float32:
-    """(A, B) how far there is sky, 0 to 1, as it is carried from where sky or wall was seen."""
-    return kriged(sky[..., None].astype(np.float32), sky | known, texel).broad[..., 0]
+def _over_the_eaves(known: Mask, wanted: Mask, sky: Mask) -> Mask:
+    """(A, B) what lies as high as the sky that a row shows, or over the eaves, which go on along the street between rows that show
+    them."""
+    rows, heights = np.arange(len(known)), np.arange(known.shape[1])
+    lowest = np.where(sky.any(axis=1), sky.argmax(axis=1), len(heights))
+    under = heights < lowest[:, None]
+    top = np.where(known & under, heights, -1).max(axis=1)
+    hidden = (wanted & under & (heights > top[:, None])).any(axis=1)
+    told = np.flatnonzero((top >= 0) & (lowest < len(heights)) & ~hidden)
+    eaves = np.interp(rows, told, lowest[told]) if len(told) else np.full(len(rows), len(heights))
+    over: Mask = heights >= np.minimum(eaves, lowest)[:, None]
+    return over

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.fields.kriging import kriged
 from unveil_core.inpaint.fill.lateral_lines import lateral_lines
@@ -17,7 +18,7 @@ def carried_surface(color: Float32, known: Mask, texel: float) -> tuple[Float32,
     Args:
         color: (A, B, 3), rows along the street; known: (A, B) texels whose colours count; texel: side of a texel, metres.
     """
-    lines = lateral_lines(color, known, texel)
+    lines = lateral_lines(color, known, texel) if on("lateral_lines") else np.zeros_like(color)
     carried = kriged(color - lines, known, texel)
     fine = np.where(known[..., None], color - lines - carried.broad, 0).astype(np.float32)
     return np.clip(carried.all + lines, 0, 1).astype(np.float32), fine
