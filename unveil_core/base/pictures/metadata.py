@@ -22,6 +22,8 @@ __all__ = ["Metadata", "metadata_of"]
 MOST_PROFILE = 1 << 22
 """Bytes of a colour profile: those of printers, the largest, have two million."""
 XMP_OF_PNG = b"XML:com.adobe.xmp"
+SPACES = (b"RGB ", b"GRAY", b"CMYK", b"Lab ")
+"""Colours of a picture, as a profile names them."""
 OF_COLOR = (b"cICP", b"sRGB", b"gAMA", b"cHRM")
 """Chunks of a PNG that say what its colours are, beside a profile."""
 KEPT = frozenset((*OF_COLOR, b"iCCP", b"eXIf", b"iTXt", b"pHYs"))
@@ -78,12 +80,17 @@ class Metadata:
         return b"".join(parts)
 
 
+def _is_profile(content: bytes) -> bool:
+    """Whether bytes have the mark of a colour profile, and name colours that pictures have."""
+    return 128 < len(content) <= MOST_PROFILE and content[36:40] == b"acsp" and content[16:20] in SPACES
+
+
 def metadata_of(content: bytes) -> Metadata:
     """What the file of a picture holds beside its pixels."""
     read = {"JPEG": _jpeg, "PNG": _png, "TIFF": _tiff, "WebP": _webp}.get(format_of(content) or "")
     found = Metadata() if read is None else read(content)
     profile = found.profile
-    if profile is not None and not (128 < len(profile) <= MOST_PROFILE and profile[36:40] == b"acsp"):
+    if profile is not None and not _is_profile(profile):
         profile = None
     exif = None if found.exif is None else cleaned_exif(found.exif.removeprefix(b"Exif\0\0"))
     return replace(found, profile=profile, exif=exif, xmp=None if found.xmp is None else cleaned_xmp(found.xmp))
