@@ -57,50 +57,52 @@ def show_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
             bpy.ops.image.view_all(fit_view=True)
 
 
-class UNVEIL_OT_forget_fix(bpy.types.Operator):
+class _OfOneFix:
+    """What operators share that do something with one of the fixes, ``index`` of the list."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return len(context.scene.unveil_selection.fixes) > 0
+
+    def is_there(self, context: bpy.types.Context) -> bool:
+        """Whether there is such a fix; else it is reported."""
+        there = 0 <= self.index < len(context.scene.unveil_selection.fixes)
+        if not there:
+            self.report({"ERROR"}, f"There is no fix {self.index}")  # type: ignore[attr-defined]
+        return there
+
+
+class UNVEIL_OT_forget_fix(_OfOneFix, bpy.types.Operator):
     """Forget what was painted on this frame"""
 
     bl_idname = "unveil.forget_fix"
     bl_label = "Forget"
-    bl_options = {"REGISTER", "UNDO"}
-
-    index: IntProperty()
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return len(context.scene.unveil_selection.fixes) > 0
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        listed = context.scene.unveil_selection
-        if not 0 <= self.index < len(listed.fixes):
-            self.report({"ERROR"}, f"There is no fix {self.index}")
+        if not self.is_there(context):
             return {"CANCELLED"}
         try:
             fixes.forget(context.scene, self.index)
         except (OSError, ValueError) as error:
-            self.report({"ERROR"}, one_line(error, Path(listed.workspace)))
+            self.report({"ERROR"}, one_line(error, Path(context.scene.unveil_selection.workspace)))
             return {"CANCELLED"}
         return {"FINISHED"}
 
 
-class UNVEIL_OT_go_to_fix(bpy.types.Operator):
+class UNVEIL_OT_go_to_fix(_OfOneFix, bpy.types.Operator):
     """Go to this frame, and open what was painted on it"""
 
     bl_idname = "unveil.go_to_fix"
     bl_label = "Go to Fix"
-    bl_options = {"REGISTER", "UNDO"}
-
-    index: IntProperty()
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return len(context.scene.unveil_selection.fixes) > 0
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        listed = context.scene.unveil_selection
-        if not 0 <= self.index < len(listed.fixes):
-            self.report({"ERROR"}, f"There is no fix {self.index}")
+        if not self.is_there(context):
             return {"CANCELLED"}
+        listed = context.scene.unveil_selection
         fix = listed.fixes[self.index]
         listed.active_fix = self.index
         context.scene.frame_set(fix.time)

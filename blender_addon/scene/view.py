@@ -17,6 +17,7 @@ __all__ = [
     "FULL_DETAIL",
     "UnveilView",
     "apply",
+    "has_results",
     "is_decimated",
     "shown_drive",
     "shown_mesh",
@@ -151,6 +152,15 @@ def shown_drive(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     """The collection of the scene's workspace, None before its import."""
     place = scene.unveil.workspace
     return blocks.drive_collection(scene, place) if place else None
+
+
+def has_results(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Whether the drive that is shown has clean frames, for the poll of an operator, which says so where it has none."""
+    collection = shown_drive(context.scene)
+    there = collection is not None and bool(collection.get("unveil_clean"))
+    if not there:
+        operator.poll_message_set("There are no results yet: press Unveil first")
+    return there
 
 
 def shown_mesh(scene: bpy.types.Scene) -> bpy.types.Object | None:

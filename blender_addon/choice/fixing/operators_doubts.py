@@ -36,11 +36,7 @@ class UNVEIL_OT_next_doubtful(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        collection = view.shown_drive(context.scene)
-        if collection is None or not collection.get("unveil_clean"):
-            cls.poll_message_set("There are no results yet: press Unveil first")
-            return False
-        return True
+        return view.has_results(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene, collection = context.scene, view.shown_drive(context.scene)

@@ -47,11 +47,7 @@ class UNVEIL_OT_deliver(JobOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        collection = view.shown_drive(context.scene)
-        if collection is None or not collection.get("unveil_clean"):
-            cls.poll_message_set("There are no results yet: press Unveil first")
-            return False
-        return super().poll(context)
+        return view.has_results(cls, context) and super().poll(context)
 
     def title(self) -> str:
         return next(name for what, name, _ in _ITEMS if what == self.what)
