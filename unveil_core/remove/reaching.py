@@ -1,8 +1,8 @@
 """Surfels that reach behind removed objects, or out of all pictures: what nobody saw of them goes.
 
 A surfel at the border of what a removed object hides is held by what the frames show of it; its other end lies behind the object,
-where nothing holds it, and is often long and wrong: a streak down the wall when the object has gone, or a piece of the sky, hundreds
-of metres wide, that cuts through the street. Such a surfel is shortened to the part that some frame shows.
+where nothing holds it, and is often long and wrong: a streak down the wall when the object has gone, or a piece of the sky,
+hundreds of metres wide, that cuts through the street. Such a surfel is shortened to the part that some frame shows.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ __all__ = ["shortened"]
 REACH = 2.5
 """Standard deviations to which a surfel is looked at: beyond, it covers less than a twentieth of what lies behind it."""
 STEPS, PASSES = 5, 4
-"""Places on each of a surfel's four arms that are looked for in the frames; and how often, a tenth being left of a surfel of hundreds
-of metres each time."""
+"""Places on each of a surfel's four arms that are looked for in the frames; and how often, a tenth being left of a surfel of
+hundreds of metres each time."""
 LEAST_M = 1.0
 """Length of an arm below which it is let be, metres. Of two streets by seed one lost its streaks (+0.3 dB) and the other did not
 change; shortened from 0.1 m on, walls and hedges lost what carried on behind objects rightly (-0.3 dB on three)."""

@@ -262,8 +262,8 @@ class Optimization:
             self.density.act(self.trainable)
 
     def prune(self) -> None:
-        """Remove faint surfels, and those that are wider than what a camera sees of a street: they explain some sky, and cut through
-        the street where an object hides that they do."""
+        """Remove faint surfels, and those that are wider than what a camera sees of a street: they explain some sky, and cut
+        through the street where an object hides that they do."""
         self._settle_labels()
         opacity = torch.sigmoid(self.trainable.leaves["opacity_logits"].detach())
         wide = self.trainable.leaves["log_scales"].detach().amax(dim=1) > math.log(REACH_M)
