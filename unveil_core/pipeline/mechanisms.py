@@ -205,7 +205,7 @@ _LISTED = (
         "aligned_photographs", "reoptimize", ("delivery.alignment",), "such photographs are moved by a pixel or two to fit",
     ),
     Mechanism(
-        "footage_detail", "deliver", ("delivery.detail:with_detail", "delivery.detail:BestSource", "delivery.full_size:_seen_in"),
+        "footage_detail", "deliver", ("delivery.detail:BestSource", "delivery.detail:Detail", "delivery.full_size:_detail"),
         "the footage of other frames gives detail at full size",
     ),
     Mechanism(

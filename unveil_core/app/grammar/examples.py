@@ -123,7 +123,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "bench": (
         "unveil bench raster --quick",
         "unveil bench step --device cpu -o step.json",
-        "unveil bench pipeline --quality draft --rows ours -o pipeline.json",
+        "unveil bench run street --quality draft -o runs.json",
     ),
     "batch plan": (
         "unveil batch plan drives/one drives/two -o batch",
