@@ -111,7 +111,9 @@ def card_passes() -> str:
         size = "x".join(map(str, row["size"]))
         found.setdefault(row["surfels"], {})[size] = f"{ms[0]:.1f} ms / {ms[1]:.1f} ms"
     sizes = list(next(iter(found.values())))
-    return table(("surfels", *sizes), ((f"{n:,}", *(of.get(size) for size in sizes)) for n, of in sorted(found.items())))
+    return table(
+        ("surfels", *sizes), ((f"{n:,}", *(of.get(size) for size in sizes)) for n, of in sorted(found.items()))
+    )
 
 
 def card_runs() -> str:
