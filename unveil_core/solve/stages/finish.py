@@ -36,6 +36,7 @@ def finish(
     output: Path,
     settings: SolveSettings,
     events: Events,
+    made_from: str,
     seconds: float,
 ) -> dict[str, Any]:
     frames = [f for r in reels for f in r.frames]
@@ -48,6 +49,7 @@ def finish(
     facts: dict[str, Any] = {
         "generator": GENERATOR,
         "state": "done",
+        "made_from": made_from,
         "footage": [r.source for r in reels],
         "frames": len(frames),
         "placed": sum(f.file in placed_frames for f in frames),
