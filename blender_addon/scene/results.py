@@ -257,7 +257,7 @@ def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
         ply = read_ply(path)
         chosen = splats.fair_share(len(ply.vertices), splat_clouds.MOST_NATIVE)
         try:
-            found = gaussians_of(ply, drive.metre, chosen)
+            found = gaussians_of(ply, drive.metre, chosen, _camera_places(drive))
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
         before, cloud = cloud, splat_clouds.make(name, found, facts_of(drive.workspace, path.stem, ply, chosen))
@@ -271,6 +271,11 @@ def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
             cloud.name = name
     thing = blocks.ensure_object(cloud, mark, role, name, blocks.child_collection(collection, role, name))
     thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = cloud["unveil_gaussians"], len(cloud.points)
+
+
+def _camera_places(drive: ImportedDrive) -> np.ndarray:
+    """(C, 3) where a drive's cameras are, metres."""
+    return np.array([f.camera_to_scene[:3, 3] for t in drive.tracks.values() for f in t]).reshape(-1, 3) / drive.metre
 
 
 def _finish(mesh: bpy.types.Mesh, mark: str, stamp: str) -> None:
