@@ -11,6 +11,7 @@ from bpy.props import IntProperty
 from ..formats.files import one_line
 from ..scene import view
 from . import fixes
+from .fixing.brush_color import take_color
 
 __all__ = ["show_picture"]
 
@@ -30,6 +31,7 @@ class UNVEIL_OT_paint_frame(bpy.types.Operator):
         return ready
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        is_first = not len(context.scene.unveil_selection.fixes)
         try:
             fix = fixes.begin(context.scene)
         except (OSError, ValueError) as error:
@@ -37,6 +39,9 @@ class UNVEIL_OT_paint_frame(bpy.types.Operator):
             return {"CANCELLED"}
         if not bpy.app.background and context.window_manager.windows:
             show_picture(context, fix.image)
+        if is_first:  # from then on the colour is the artist's
+            removed = Path(context.scene.unveil_selection.workspace, "masks/removed", fix.track, f"{fix.frame}.png")
+            take_color(context, fix.image, removed)
         return {"FINISHED"}
 
 

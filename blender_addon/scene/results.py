@@ -169,7 +169,8 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive, timeline
         order = [f.name for f in drive.tracks.get(track, ())]
         file = drive.workspace / "inpainted" / track / f"{name}.png"
         if name in order and file.is_file():
-            wanted[f"keyframe:{track}:{name}"] = (f"Keyframe {name}", file, timeline.frames[track][order.index(name)])
+            frame = timeline.frames[track][order.index(name)]
+            wanted[f"keyframe:{track}:{name}"] = (_fill(frame), file, frame)
     for image in [i for i in bpy.data.images if i.get(blocks.DRIVE) == mark]:
         if str(image[blocks.ROLE]).startswith("keyframe:") and image[blocks.ROLE] not in wanted:
             bpy.data.images.remove(image)
@@ -178,18 +179,19 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive, timeline
         image.use_fake_user = True
         plates.reload_changed(image, [file])
     # Markers cannot carry custom properties: one is known by its name and frame, and where any is, none is added.
-    names = [
-        (f"Keyframe {f.name}", frame)
-        for track, frames in drive.tracks.items()
-        for f, frame in zip(frames, timeline.frames[track], strict=True)
-    ]
-    gone = set(names) - {(name, frame) for name, _, frame in wanted.values()}
+    names = {(_fill(frame), frame) for track in drive.tracks for frame in timeline.frames[track]}
+    gone = names - {(name, frame) for name, _, frame in wanted.values()}
     for marker in [m for m in scene.timeline_markers if (m.name, m.frame) in gone]:
         scene.timeline_markers.remove(marker)
     taken = {m.frame for m in scene.timeline_markers}
     for name, _, frame in wanted.values():
         if frame not in taken:
             scene.timeline_markers.new(name, frame=frame)
+
+
+def _fill(frame: int) -> str:
+    """What a frame of the timeline is called that fills holes for others: a keyframe is something else in Blender."""
+    return f"Fill {frame}"
 
 
 # ---------------------------------------------------------------------------------------------------------------- geometry

@@ -117,7 +117,7 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         column.use_property_split = True
         column.use_property_decorate = False
         column.enabled = not session.busy
-        column.prop(settings, "workspace")
+        column.prop(settings, "results_folder")
         _settings(column, settings, [s for s in BASIC if s.group not in READING])
         more = column.row()
         more.use_property_split = False

@@ -12,7 +12,8 @@ from bpy.props import BoolProperty, StringProperty
 
 from ..formats.object_files import recorded_drive, recorded_settings
 from ..scene import blocks
-from ..worker.run_arguments import adopt
+from ..scene.settings import ON_TYPED
+from ..worker.run_arguments import adopt, other_drive
 from .loading import loaded
 from .saved.moved_workspace import follow
 
@@ -96,4 +97,25 @@ class UNVEIL_OT_find_workspace(bpy.types.Operator):
         return {"FINISHED"}
 
 
+def _typed(settings: Any) -> None:
+    """A folder named by hand that holds results of this drive: a run goes on with what they were made with."""
+    place = blocks.absolute(settings.workspace)
+    try:
+        known, made = recorded_drive(place), recorded_settings(place)
+    except (OSError, ValueError):
+        return  # told when it is opened
+    if not known or (settings.drive and other_drive(blocks.absolute(settings.drive), known)):
+        return
+    adopt(settings, made)
+    settings.drive = settings.drive or known
+
+
 CLASSES = (UNVEIL_OT_load_workspace, UNVEIL_OT_find_workspace)
+
+
+def register() -> None:
+    ON_TYPED.append(_typed)
+
+
+def unregister() -> None:
+    ON_TYPED.remove(_typed)
