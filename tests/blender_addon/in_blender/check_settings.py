@@ -77,7 +77,7 @@ def test_a_folder_that_is_typed_brings_its_settings(addon, scene, imported: Path
     settings.results_folder = str(imported)
     assert (settings.quality, settings.iterations, settings.drive) == ("draft", 60, made["drive"])
     states = addon.module("work.stage_states").stage_states(scene).stages
-    assert {states[name].state for name in ("import", "objects", "segment")} == {"done"}
+    assert states["import"].state == "done"  # what is chosen comes when the results are opened
     settings.quality = "high"
     settings.workspace = str(imported)  # by a script, as after a run: what was changed meanwhile stays
     assert settings.quality == "high"

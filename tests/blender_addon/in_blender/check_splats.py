@@ -197,6 +197,106 @@ def test_each_gaussian_tells_class_object_and_provenance(addon, scene, native, s
     assert len(set(whole(after, "label"))) > 2
 
 
+RENDER = """
+import sys
+import numpy as np
+import torch
+from pathlib import Path
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.imported import read_imported
+from unveil_core.raster.picture import picture_of
+from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.sky import load_sky
+root = Path(sys.argv[1])
+camera = read_imported(root / "drive", points=False).frames[3].camera
+scene, sky = read_surfels(root / "surfels/empty.ply"), load_sky(root / "surfels/sky.npz")
+nothing = scene.select(torch.zeros(0, dtype=torch.int64))
+pictures = [picture_of(shown, sky, camera, near=NEAR_M, far=FAR_M) for shown in (scene, nothing)]
+np.savez(sys.argv[2], street=pictures[0], sky=pictures[1])
+"""
+"""Writes the picture of the empty scene that ``unveil render`` makes, and the sky behind it."""
+
+
+def flat_emission():  # type: ignore[no-untyped-def]
+    """A material that shows the Gaussians' colours as the numbers that were optimized, encoded as sRGB."""
+    import bpy
+
+    material = bpy.data.materials.new("flat")
+    if material.node_tree is None:
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+
+    def made(kind: str, *inputs, **settings):  # type: ignore[no-untyped-def]
+        node = tree.nodes.new(f"ShaderNode{kind}")
+        for name, value in settings.items():
+            setattr(node, name, value)
+        for socket, value in zip(node.inputs, inputs, strict=False):
+            if isinstance(value, float):
+                socket.default_value = value
+            else:
+                tree.links.new(value, socket)
+        return node.outputs[0] if len(node.outputs) else None
+
+    radiance = made("Attribute", attribute_name="radiance", attribute_type="GEOMETRY")  # scene linear
+    split = tree.nodes.new("ShaderNodeSeparateColor")
+    tree.links.new(radiance, split.inputs[0])
+    encoded = []
+    for channel in split.outputs[:3]:
+        root = made("Math", made("Math", channel, 0.0, operation="MAXIMUM"), 1 / 2.4, operation="POWER")
+        curve = made("Math", root, 1.055, -0.055, operation="MULTIPLY_ADD")
+        line = made("Math", channel, 12.92, operation="MULTIPLY")
+        encoded.append(made("Math", curve, line, operation="MINIMUM"))  # the line is the lower one below 0.0031
+    color = made("CombineColor", *encoded)
+    made("OutputMaterial", made("Emission", color, 1.0))
+    return material
+
+
+def test_a_render_of_them_is_unveils_own_on_the_mean(addon, scene, surfels: Path, tmp_path: Path) -> None:
+    """In flat emission of the numbers that were optimized; as Blender shows them it blends in linear light, which is brighter."""
+    import bpy
+
+    if not addon.module("scene.versions").has_native_splats():
+        pytest.skip("this Blender draws no Gaussians of its own")
+    bpy.ops.unveil.load_workspace(directory=str(surfels))
+    outside("-c", RENDER, str(surfels), str(tmp_path / "own.npz"))
+    own = {name: np.asarray(values, np.float64) for name, values in np.load(tmp_path / "own.npz").items()}
+    largest = 255.0 if own["street"].max() > 2 else 1.0
+    for thing in scene.objects:
+        thing.hide_render = True
+    cloud = bpy.data.objects["Gaussians after"]
+    scene.unveil_view.shown, scene.unveil_view.state = {"SPLATS"}, "AFTER"
+    cloud.hide_render = False
+    render, settings = scene.render, scene.render.image_settings
+    render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 16, False
+    scene.cycles.pixel_filter_type = "BOX"
+    render.film_transparent, render.use_sequencer, render.use_compositing = True, False, False
+    addon.module("scene.versions").still_pictures(settings)
+    settings.file_format, settings.color_mode, settings.color_depth = "OPEN_EXR", "RGBA", "32"
+    scene.frame_set(scene.frame_start + 3)
+    off = {}
+    for name, material in (("as Blender shows them", None), ("flat", flat_emission())):
+        if material is not None:
+            cloud.data.materials.append(material)
+        render.filepath = str(tmp_path / "shot.exr")
+        bpy.ops.render.render(write_still=True)
+        image = bpy.data.images.load(render.filepath, check_existing=False)
+        image.colorspace_settings.is_data = True
+        width, height = image.size
+        found = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(found)
+        found = found.reshape(height, width, 4)[::-1].astype(np.float64)
+        bpy.data.images.remove(image)
+        color, alpha = found[..., :3], found[..., 3:]
+        if material is None:
+            color = np.where(color <= 0.0031308, 12.92 * color, 1.055 * np.maximum(color, 1e-9) ** (1 / 2.4) - 0.055)
+        solid = alpha[..., 0] > 0.99
+        shown = np.clip(color + (1 - alpha) * own["sky"] / largest, 0, 1)
+        off[name] = 255 * (shown - own["street"] / largest)[solid if material is None else slice(None)].mean()
+    assert abs(off["flat"]) < 1, off
+    assert -1 < off["as Blender shows them"] < 4, off
+
+
 def test_loaded_again_it_is_the_same_object(addon, scene, native, surfels: Path) -> None:
     import bpy
 
