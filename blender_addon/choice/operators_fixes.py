@@ -77,7 +77,7 @@ class _OfOneFix:
         """Whether there is such a fix; else it is reported."""
         there = 0 <= self.index < len(context.scene.unveil_selection.fixes)
         if not there:
-            self.report({"ERROR"}, f"There is no fix {self.index}")  # type: ignore[attr-defined]
+            self.report({"ERROR"}, f"Not found: fix {self.index}")  # type: ignore[attr-defined]
         return there
 
 

@@ -28,7 +28,7 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     directory: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Empty: the scene's", options={"SKIP_SAVE"}
+        name="Results Folder", subtype="DIR_PATH", description="Empty: the scene's", options={"SKIP_SAVE"}
     )
     ask: BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
@@ -47,11 +47,11 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
         settings = context.scene.unveil
         place = self.directory or settings.workspace
         if not place:
-            self.report({"ERROR"}, "There is no workspace yet: import a drive, or choose the folder of one")
+            self.report({"ERROR"}, "No results yet: import a drive, or choose a results folder")
             return {"CANCELLED"}
         if not (blocks.absolute(place) / "workspace.json").is_file():
             self.report(
-                {"ERROR"}, f"{blocks.absolute(place)}: is no workspace (choose the folder that holds workspace.json)"
+                {"ERROR"}, f"{blocks.absolute(place)}: Not a results folder (choose the one that holds workspace.json)"
             )
             return {"CANCELLED"}
         if self.directory:
@@ -76,12 +76,12 @@ class UNVEIL_OT_find_workspace(bpy.types.Operator):
     bl_label = "Find Results…"
     bl_options = {"REGISTER", "UNDO"}
 
-    directory: StringProperty(name="Workspace", subtype="DIR_PATH", options={"SKIP_SAVE"})
+    directory: StringProperty(name="Results Folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not context.scene.unveil.workspace:
-            cls.poll_message_set("No workspace is named yet")
+            cls.poll_message_set("No results folder is named yet")
         return bool(context.scene.unveil.workspace)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -91,7 +91,7 @@ class UNVEIL_OT_find_workspace(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         new = blocks.absolute(self.directory)
         if not (new / "workspace.json").is_file():
-            self.report({"ERROR"}, f"{new}: is no workspace (choose the folder that holds workspace.json)")
+            self.report({"ERROR"}, f"{new}: Not a results folder (choose the one that holds workspace.json)")
             return {"CANCELLED"}
         follow(context.scene, blocks.absolute(context.scene.unveil.workspace), new)
         return {"FINISHED"}

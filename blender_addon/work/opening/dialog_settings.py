@@ -40,7 +40,7 @@ class DialogSettings:
     """Mix in before ``bpy.types.Operator``."""
 
     workspace: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
+        name="Results Folder", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
     )
     set_up_scene: BoolProperty(**SET_UP_SCENE)
     start_frame: IntProperty(**START_FRAME)

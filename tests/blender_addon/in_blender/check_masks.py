@@ -90,7 +90,7 @@ def test_an_empty_mask_is_told(addon, scene, workspace) -> None:
     bpy.data.masks.new("nothing")
     with pytest.raises(RuntimeError, match="mask nothing is empty"):
         bpy.ops.unveil.use_mask(mask="nothing")
-    with pytest.raises(RuntimeError, match="There is no mask elsewhere"):
+    with pytest.raises(RuntimeError, match="Not found: the mask elsewhere"):
         bpy.ops.unveil.use_mask(mask="elsewhere")
 
 

@@ -35,9 +35,9 @@ def log(addon) -> str:  # type: ignore[no-untyped-def]
 def test_without_a_drive_nothing_starts(addon, scene) -> None:
     import bpy
 
-    with pytest.raises(RuntimeError, match="There is no drive yet"):
+    with pytest.raises(RuntimeError, match="No drive yet"):
         bpy.ops.unveil.run()
-    with pytest.raises(RuntimeError, match="There is no workspace yet"):
+    with pytest.raises(RuntimeError, match="No results yet"):
         bpy.ops.unveil.stage(stage="mesh")
     assert not addon.module("worker.session").session.busy
 
@@ -302,7 +302,7 @@ def test_the_panel_draws_in_every_state(addon, empty, monkeypatch) -> None:
     monkeypatch.setattr(python_state, "is_missing", lambda context: True)
     assert next_step.next_step(bpy.context).operator == "unveil.show_preferences"
     monkeypatch.undo()
-    assert "There is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
+    assert "No results yet" in drawn(panel_run.UNVEIL_PT_run)
     session.last = job_state.JobState(
         status="failed", error="frames/03.png: is cut short (copy it again from its source)"
     )

@@ -237,7 +237,7 @@ def test_points_are_vertices_as_photographed(addon, scene, made: Path) -> None:
 def test_a_folder_that_is_no_workspace_is_one_line(addon, scene, tmp_path: Path) -> None:
     import bpy
 
-    with pytest.raises(RuntimeError, match="is no workspace"):
+    with pytest.raises(RuntimeError, match="Not a results folder"):
         bpy.ops.unveil.load_workspace(directory=str(tmp_path))
     with pytest.raises(RuntimeError, match="Not found"):
         bpy.ops.unveil.import_drive(filepath=str(tmp_path / "nowhere.json"))
