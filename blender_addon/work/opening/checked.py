@@ -14,6 +14,7 @@ __all__ = ["Checked", "checked_of", "in_words"]
 
 OPTION, SENTENCE = re.compile(r"(?<![\w-])--[a-z][a-z-]*"), re.compile(r"[a-z]+[ ,]")
 LABELS = {setting.option: setting.label for setting in SHOWN}
+CALLED = {"way": "length"}
 MOST = 6
 """Lines of each kind that are shown: the page has all."""
 
@@ -48,7 +49,7 @@ def checked_of(drive: Path, state: JobState) -> Checked:
     facts, assumed, findings = (told.get(name) or () for name in ("facts", "assumed", "findings"))
     return Checked(
         str(drive),
-        facts=tuple((str(key), str(value)) for key, value in dict(facts).items())[:MOST],
+        facts=tuple((CALLED.get(key, str(key)), str(value)) for key, value in dict(facts).items())[:MOST],
         assumed=tuple(in_words(str(line)) for line in assumed)[:MOST],
         findings=tuple(_line(finding) for finding in findings)[:MOST],
         asks=any(bool(finding.get("asks")) for finding in findings),

@@ -260,7 +260,7 @@ def test_damaged_plates_are_one_line(addon, scene, workspace, made) -> None:
     content = json.loads(told.read_text())
     content["mattes"][0]["name"] = "../../.."
     told.write_text(json.dumps(content))
-    with pytest.raises(ValueError, match="no name of a file"):
+    with pytest.raises(ValueError, match="not a file name"):
         read(drive)
     told.unlink()
     with pytest.raises(ValueError, match="there are no plates yet"):
