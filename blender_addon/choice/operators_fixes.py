@@ -55,6 +55,7 @@ def show_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
     space = areas[0].spaces.active
     space.image = image
     space.ui_mode = "PAINT"
+    space.show_region_tool_header = True  # the brush's colour and size
     region = next((r for r in areas[0].regions if r.type == "WINDOW"), None)
     window = next(w for w in context.window_manager.windows if areas[0] in list(w.screen.areas))
     if region is not None:

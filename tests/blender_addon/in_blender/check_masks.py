@@ -66,7 +66,7 @@ def test_a_drawn_mask_becomes_an_object_in_all_frames(addon, scene, workspace) -
 
     bpy.ops.unveil.load_workspace(directory=str(workspace))
     scene.frame_set(1003)
-    with pytest.raises(RuntimeError, match="no mask to take"):
+    with pytest.raises(RuntimeError, match="No mask to take"):
         bpy.ops.unveil.use_mask()
     places = np.array(red_car(workspace / "drive/images/camera/02.png"))
     (left, upper), (right, lower) = places.min(axis=0) - 0.02, places.max(axis=0) + 0.02

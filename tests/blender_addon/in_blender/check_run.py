@@ -66,7 +66,7 @@ def test_a_named_python_that_is_none_is_told(addon, empty) -> None:
             bpy.ops.unveil.run()
     finally:
         chosen.python = ""
-    with pytest.raises(RuntimeError, match="no such Python|No Python|needs"):
+    with pytest.raises(RuntimeError, match="Not a Python|No Python|needs"):
         chosen.python = "/nowhere/python"
         bpy.ops.unveil.check_python()
     chosen.python = ""

@@ -19,7 +19,7 @@ from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.click_path import HELPERS, OPEN_SECTIONS  # noqa: E402
 from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
 
-SIZES = {"small": ((1280, 800), 1.0), "double": ((2560, 1600), 2.0)}
+SIZES = {"small": ((1280, 800), 1.0), "double": ((1920, 1200), 2.0)}
 """Of the screen, pixels, and of what Blender draws."""
 PAGES = 6
 """Pictures of the sidebar with all sections open, each farther down."""
@@ -70,12 +70,12 @@ def pictures(window: BlenderWindow, kind: str, extension: Path, python: Path, wo
     window.press("Escape")
     window.tell(f"bpy.ops.unveil.load_workspace(directory={str(workspace)!r})")
     window.tell("bpy.context.scene.unveil.show_more = True")
-    left, top, right, bottom = window.ask("rectangle('VIEW_3D', 'UI')")
+    left, top, _, bottom = window.ask("rectangle('VIEW_3D', 'UI')")
     for page in range(PAGES):
         picture(f"04_sections_{page}")
-        window.scroll((left + right) / 2, (top + bottom) / 2, 9)
+        window.scroll(left + 10 * SIZES[kind][1], (top + bottom) / 2, 9)  # beside the list, which would scroll itself
     window.tell("bpy.context.scene.unveil.show_more = False")
-    window.scroll((left + right) / 2, (top + bottom) / 2, -9 * PAGES)
+    window.scroll(left + 10 * SIZES[kind][1], (top + bottom) / 2, -9 * PAGES)
     window.tell(
         "window, area, region = region_of('VIEW_3D', 'WINDOW')\n"
         "with bpy.context.temp_override(window=window, area=area, region=region):\n"
