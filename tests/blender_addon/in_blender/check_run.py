@@ -294,7 +294,7 @@ def test_the_panel_draws_in_every_state(addon, empty, monkeypatch) -> None:
     panel_run, next_step = addon.module("ui.panel_run"), addon.module("ui.next_step")
     session = addon.module("worker.session").session
     job_state = addon.module("worker.job_state")
-    assert {"unveil.import_drive", "Footage Chosen"} <= set(drawn(panel_run.UNVEIL_PT_work))
+    assert {"unveil.import_drive", "Drive Chosen"} <= set(drawn(panel_run.UNVEIL_PT_work))
     named, empty.unveil.drive = empty.unveil.drive, ""
     assert {"unveil.open_drive", "Nothing Imported Yet"} <= set(drawn(panel_run.UNVEIL_PT_work))
     empty.unveil.drive = named
