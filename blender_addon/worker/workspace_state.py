@@ -22,8 +22,8 @@ __all__ = ["SOLVING", "STAGES", "StageState", "WorkspaceState", "read", "stages_
 
 STAGES = {
     "import": "Import",
-    "objects": "Find objects",
-    "segment": "Labels, dynamic objects",
+    "objects": "Find Objects",
+    "segment": "Labels, Motion",
     "choose": "Choose",
     "reconstruct": "Reconstruct",
     "ground": "Ground",

@@ -21,7 +21,7 @@ from tests.blender_addon.window.window import BlenderWindow, arguments, made_ane
 
 SIZES = {"small": ((1280, 800), 1.0), "double": ((1920, 1200), 2.0)}
 """Of the screen, pixels, and of what Blender draws."""
-PAGES = 6
+PAGES = 8
 """Pictures of the sidebar with all sections open, each farther down."""
 
 
