@@ -118,8 +118,7 @@ class UNVEIL_OT_dismiss(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         status_bar.dismiss()
-        for window in context.window_manager.windows:
-            window.workspace.status_text_set_internal(None)
+        status_bar.redraw_bars()
         return {"FINISHED"}
 
 
