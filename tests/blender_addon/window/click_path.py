@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 
 from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
-from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
+from tests.blender_addon.window.window import BlenderWindow, arguments, crowded, made_anew  # noqa: E402
 
 PACKAGE = "bl_ext.user_default.unveil"
 LONGEST_CALLBACK_MS, LONGEST_CANCEL_S = 5, 2
@@ -222,7 +222,7 @@ def cancel_once(window: BlenderWindow) -> dict[str, float]:
     said = window.ask("told()")
     assert said[0] == "cancelled", said
     window.picture("10_cancelled")
-    assert took < LONGEST_CANCEL_S, f"the process group ended {took:.2f} s after Cancel"
+    assert took < LONGEST_CANCEL_S * crowded(), f"the process group ended {took:.2f} s after Cancel"
     return {"cancel_to_end_of_group_s": round(took, 3), **callback(window)}
 
 
@@ -300,7 +300,7 @@ def group_of(leader: int) -> list[int]:
 def callback(window: BlenderWindow) -> dict[str, float]:
     """Of the job that has just ended."""
     count, total, longest = window.ask("ticks()")
-    assert 1000 * longest < LONGEST_CALLBACK_MS, f"the longest callback took {1000 * longest:.1f} ms"
+    assert 1000 * longest < LONGEST_CALLBACK_MS * crowded(), f"the longest callback took {1000 * longest:.1f} ms"
     return {
         "callbacks": count,
         "callback_mean_ms": round(1000 * total / count, 3),
@@ -333,6 +333,7 @@ def main() -> int:
         "cores": os.cpu_count(),
         "system": platform.system(),
         "screen": "Xvfb, software OpenGL (llvmpipe)",
+        "load": round(os.getloadavg()[0], 1),
     }
     told = {
         "blender": version,
