@@ -47,7 +47,7 @@ def arguments(told: str | None) -> argparse.ArgumentParser:
 
 
 def crowded() -> float:
-    """How many times longer things may take than on a machine that does nothing else: all wait for a processor, and Blender, too."""
+    """How many times longer things may take than on an idle machine: all wait for a processor, Blender, too."""
     return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
