@@ -212,7 +212,7 @@ def _read(path: Path, understood: Callable[[Any], T], nothing: T, mend: str) -> 
         return understood(data)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise ValueError(f"{path}: is damaged: {what} ({mend})") from error
+        raise ValueError(f"{path}: Damaged: {what} ({mend})") from error
 
 
 def _class(entry: Any) -> ListedClass:

@@ -59,6 +59,8 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
             button = row.operator(step.operator, text=step.text, icon=step.sign)
             for name, value in step.options.items():
                 setattr(button, name, value)
+            if step.operator == "unveil.open_drive":  # who has cameras already; others have a clip alone
+                self.layout.operator("unveil.import_footage", text="Import Footage…", icon="FILE_MOVIE")
             if step.operator == "unveil.run" and shown_drive(context.scene) is not None:
                 row = self.layout.row(align=True)
                 row.operator("unveil.preview", icon="HIDE_OFF")
@@ -117,7 +119,7 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         column.use_property_split = True
         column.use_property_decorate = False
         column.enabled = not session.busy
-        column.prop(settings, "workspace")
+        column.prop(settings, "results_folder")
         _settings(column, settings, [s for s in BASIC if s.group not in READING])
         more = column.row()
         more.use_property_split = False
