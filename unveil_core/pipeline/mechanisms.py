@@ -35,10 +35,6 @@ class Mechanism:
 
 _LISTED = (
     Mechanism(
-        "overlooked", "segment", ("semantics.overlooked",),
-        "labels that overlook an object which other frames show are left out",
-    ),
-    Mechanism(
         "ground_by_photographs", "reconstruct", ("optimize.ground_start", "ground.by_photographs"),
         "where no LiDAR measured the ground, photographs that agree on it tell where surfels start",
     ),
