@@ -71,19 +71,21 @@ class _Views:
     def __init__(
         self, views: Sequence[DepthView], cameras: Sequence[Camera] | None, folder: Path, cache: FrameCache
     ) -> None:
-        self.cameras = [] if cameras is None else list(cameras)
-        self._normals: tuple[int, NDArray[np.float32]] | None = None
+        lenses = self.cameras = [] if cameras is None else list(cameras)
+        made: dict[int, NDArray[np.float32]] = {}
 
+        # It does not refer to this object: what the cache holds of the views would stay until somebody looks for circles.
         def make(index: int) -> tuple[NDArray[Any], ...]:
             view = views[index]
             if cameras is None:
-                self.cameras.append(view.camera)
+                lenses.append(view.camera)
             inverse, *rest = _packed(view, index)
             normals, factor = _slopes(inverse, view.camera)
-            self._normals = (index, normals)
+            made.clear()  # 12 bytes a pixel: those of one view are kept
+            made[index] = normals
             return inverse, kernels.flattest_factor(inverse, factor), *rest
 
-        self._packed = cache.stored(folder, len(views), make)
+        self._normals, self._packed = made, cache.stored(folder, len(views), make)
 
     def __len__(self) -> int:
         return len(self._packed)
@@ -95,13 +97,8 @@ class _Views:
 
     def normals(self, index: int) -> NDArray[np.float32]:
         """(H, W, 3) of a view that was read, see ``kernels.inverse_depth_slopes``."""
-        known, self._normals = (
-            self._normals,
-            None,
-        )  # 12 bytes a pixel: only those of the view that was just made are there
-        if known is not None and known[0] == index:
-            return known[1]
-        return _slopes(self.read(index).inverse_depth, self.cameras[index])[0]
+        known = self._normals.pop(index, None)
+        return known if known is not None else _slopes(self.read(index).inverse_depth, self.cameras[index])[0]
 
 
 def _slopes(inverse: NDArray[np.float32], camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
