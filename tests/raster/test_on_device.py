@@ -144,3 +144,31 @@ def test_where_the_gpu_has_no_memory_left_the_processor_renders(monkeypatch: pyt
     assert used.notes == ["rendering on the processor: the GPU has no memory left"]
     with working_on(Device("cpu", "triton", asked_for=True)), pytest.raises(RuntimeError, match="out of memory"):
         rendered(surfels, camera, ("rgb",), near=0.1, far=100.0)
+
+
+def test_a_scene_is_looked_at_once_until_it_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = []
+
+    def noting(*args: Any, check: bool = True, **more: Any) -> Rendered:
+        looks.append(check)
+        return render(*args, check=check, **more)
+
+    monkeypatch.setattr(on_device, "render", noting)
+    surfels, camera = scene(), turned(0.0)
+    planes = ("rgb", "alpha", "semantics")
+    first = rendered(surfels, camera, planes, near=0.2, far=100.0)
+    again = rendered(surfels, camera, planes, near=0.2, far=100.0)
+    assert looks == [True, False]
+    for name in planes:
+        assert torch.equal(getattr(first, name), getattr(again, name))
+    with pytest.raises(ValueError, match="label"):  # fewer labels than were found are looked at again
+        rendered(surfels, camera, planes, label_count=1, near=0.2, far=100.0)
+    with torch.no_grad():
+        surfels.means[3, 1] = float("nan")
+    with pytest.raises(ValueError, match="means is not finite in row 3"):
+        rendered(surfels, camera, planes, near=0.2, far=100.0)
+    with torch.no_grad():
+        surfels.means[3, 1] = 0.0
+    rendered(surfels, camera, planes, near=0.2, far=100.0)
+    rendered(replace(surfels), camera, planes, near=0.2, far=100.0)
+    assert looks == [True, False, True, True, True, True]

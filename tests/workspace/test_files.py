@@ -46,7 +46,21 @@ def test_remembered_digests_that_are_none_are_made_again(known: str, tmp_path: P
 def test_depth_comes_back_to_two_millimetres_and_what_is_near_or_far_stays_a_surface(tmp_path: Path) -> None:
     depth = np.array([[0.0, 0.001, 0.2, 12.345], [100.0, 255.9, 256.0, 900.0]], np.float32)
     save_depth(depth, tmp_path / "depths/camera/0.png")
-    back = load_depth(tmp_path / "depths/camera/0.png")
+    back = load_depth(tmp_path / "depths/camera/0.png", (4, 2))
     assert back.dtype == np.float32 and back.shape == (2, 4)
     assert back[0, 0] == 0 and (back.ravel()[1:] > 0).all()
     assert np.abs(back - depth)[depth < 255.9].max() <= 1 / 256 and (back[1, 2:] > 255.9).all()
+
+
+def test_a_depth_image_of_something_else_names_its_file_and_the_stage(tmp_path: Path) -> None:
+    path = tmp_path / "0.png"
+    save_depth(np.ones((2, 4), np.float32), path)
+    for content, said in (
+        (None, "Not of its frame's size: 4x2 pixels, not 2x4"),
+        (b"no picture", "Not a readable image"),
+    ):
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(WorkspaceError, match=said) as caught:
+            load_depth(path, (2, 4))
+        assert "0.png" in str(caught.value) and "unveil reoptimize" in str(caught.value)

@@ -64,32 +64,45 @@ class _Views:
     Args:
         views: each is asked for once.
         cameras: of the views; None = those that the views say themselves, once they were asked for.
-        folder: for the files, 7 to 11 bytes a pixel; what lies there from an interrupted attempt is not made again.
+        folder: for the files, 11 to 15 bytes a pixel; what lies there from an interrupted attempt is not made again.
         cache: room for views in memory.
     """
 
     def __init__(
         self, views: Sequence[DepthView], cameras: Sequence[Camera] | None, folder: Path, cache: FrameCache
     ) -> None:
-        self.cameras = [] if cameras is None else list(cameras)
+        lenses = self.cameras = [] if cameras is None else list(cameras)
+        made: dict[int, NDArray[np.float32]] = {}
 
+        # It does not refer to this object: what the cache holds of the views would stay until somebody looks for circles.
         def make(index: int) -> tuple[NDArray[Any], ...]:
             view = views[index]
             if cameras is None:
-                self.cameras.append(view.camera)
-            return _packed(view, index)
+                lenses.append(view.camera)
+            inverse, *rest = _packed(view, index)
+            normals, factor = _slopes(inverse, view.camera)
+            made.clear()  # 12 bytes a pixel: those of one view are kept
+            made[index] = normals
+            return inverse, kernels.flattest_factor(inverse, factor), *rest
 
-        self._packed = cache.stored(folder, len(views), make)
+        self._normals, self._packed = made, cache.stored(folder, len(views), make)
 
     def __len__(self) -> int:
         return len(self._packed)
 
     def read(self, index: int) -> _Prepared:
         """One view; the first time in order."""
-        inverse, rgb, *weight = self._packed[index]
-        lens = self.cameras[index]
-        normals, factor = kernels.inverse_depth_slopes(inverse, lens.fx, lens.fy, lens.cx, lens.cy)
-        return _Prepared(inverse, normals, factor, rgb, weight[0] if weight else np.ones_like(inverse))
+        inverse, factor, rgb, *weight = self._packed[index]
+        return _Prepared(inverse, factor, rgb, weight[0] if weight else np.ones_like(inverse))
+
+    def normals(self, index: int) -> NDArray[np.float32]:
+        """(H, W, 3) of a view that was read, see ``kernels.inverse_depth_slopes``."""
+        known = self._normals.pop(index, None)
+        return known if known is not None else _slopes(self.read(index).inverse_depth, self.cameras[index])[0]
+
+
+def _slopes(inverse: NDArray[np.float32], camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    return kernels.inverse_depth_slopes(inverse, camera.fx, camera.fy, camera.cx, camera.cy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,12 +110,11 @@ class _Prepared:
     """A view as the kernels want it.
 
     Attributes:
-        inverse_depth: (H, W), 0 where there is none; normals: (H, W, 3) and factor: (H, W), see ``kernels.inverse_depth_slopes``.
+        inverse_depth: (H, W), 0 where there is none; factor: (H, W), see ``kernels.flattest_factor``.
         rgb: (H, W, 3); weight: (H, W).
     """
 
     inverse_depth: NDArray[np.float32]
-    normals: NDArray[np.float32]
     factor: NDArray[np.float32]
     rgb: NDArray[np.uint8]
     weight: NDArray[np.float32]
@@ -129,7 +141,7 @@ def fuse(
     there is no surface.
 
     Args:
-        views: posed depth images; each is asked for once, one after the other, and kept in a file of 7 to 11 bytes a pixel.
+        views: posed depth images; each is asked for once, one after the other, and kept in a file of 11 to 15 bytes a pixel.
         voxel_size: edge of a voxel in metres.
         truncation: distance over which a view speaks about space around its surface; 4 voxels by default, at least 2.
         bounds: (2, 3) lowest and highest corner of the space to keep, or None.
@@ -167,7 +179,7 @@ def fuse(
         total = 2 * len(views) + 2
         for index in range(len(prepared)):
             view = prepared.read(index)
-            found.add(prepared.cameras[index], view)
+            found.add(prepared.cameras[index], view, prepared.normals(index))
             progress(index + 1, total, "finding surfaces")
         keys = found.keys
         if not len(keys):
@@ -314,12 +326,12 @@ class _SeenBlocks:
         self._table = np.full(1 << 16, -1, dtype=np.int64)
         self._count = 0
 
-    def add(self, camera: Camera, view: _Prepared) -> None:
+    def add(self, camera: Camera, view: _Prepared, normals: NDArray[np.float32]) -> None:
         """Those that a view sees, see ``kernels.allocate``."""
         lens = (camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world)
         while True:
             count = kernels.allocate(
-                view.inverse_depth, view.normals, view.factor, *lens, *self._space, self._table, self._count
+                view.inverse_depth, normals, view.factor, *lens, *self._space, self._table, self._count
             )
             if count >= 0:
                 self._count = count

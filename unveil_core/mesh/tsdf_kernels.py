@@ -30,6 +30,7 @@ __all__ = [
     "SMALLEST_COSINE",
     "allocate",
     "count_quads",
+    "flattest_factor",
     "integrate",
     "inverse_depth_slopes",
     "mark_cells",
@@ -81,16 +82,18 @@ def _slope(w, y, x, dy, dx):
 
 
 def inverse_depth_slopes(w: Float32, fx: float, fy: float, cx: float, cy: float) -> tuple[Float32, Float32]:
-    """Normals in camera coordinates (H, W, 3) float32, unit, facing the camera; and cosine-like factor w/|n| (H, W).
-
-    The factor is that of the pixel or of a flatter neighbour (:func:`_flattest`).
-    """
+    """Normals in camera coordinates (H, W, 3) float32, unit, facing the camera; and cosine-like factor w/|n| (H, W)."""
     normals = np.zeros((*w.shape, 3), np.float32)
     factor = np.zeros(w.shape, np.float32)
     in_parallel(_slopes, len(w), ROWS, w, fx, fy, cx, cy, normals, factor)
+    return normals, factor
+
+
+def flattest_factor(w: Float32, factor: Float32) -> Float32:
+    """(H, W) the factor of :func:`inverse_depth_slopes` of each pixel or of a flatter neighbour, see :func:`_flattest`."""
     flattest = factor.copy()
     in_parallel(_flattest, len(w), ROWS, w, factor, flattest)
-    return normals, flattest
+    return flattest
 
 
 @njit(**EXACT)

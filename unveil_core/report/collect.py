@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_own_json
+from unveil_core.base.parallel import each
 from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
@@ -135,10 +136,10 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
     state = read_json(root / "workspace.json", {})
     chosen = pick(len(drive.frames))
     whole = 2 * len(chosen) + 2  # the flight takes about as long as the frames
-    frames = []
-    for done, index in enumerate(chosen):
-        frames.append(_frame_pictures(root, drive, drive.frames[index], len(chosen)))
-        progress(done + 1, whole, "writing the report")
+    frames: list[FramePictures] = []
+    for pictures in each(lambda index: _frame_pictures(root, drive, drive.frames[index], len(chosen)), chosen):
+        frames.append(pictures)
+        progress(len(frames), whole, "writing the report")
     meshes = _mesh_pictures(root, drive)
 
     def flying(done: int, total: int, message: str = "", **metrics: float) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.checks.array_headers import load_npy
 from unveil_core.base.checks.names import is_file_name
-from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.errors import DriveError, WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, read_own_json, write_atomic, write_image_atomic
 from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.base.types import Float32
@@ -87,13 +87,21 @@ def save_mask(mask: NDArray[np.bool_], path: Path) -> None:
     write_image_atomic(path, np.where(mask, 255, 0).astype(np.uint8))
 
 
-def load_depth(path: Path) -> Float32:
-    """(H, W) metres of a depth image of :func:`save_depth`.
+def load_depth(path: Path, size: tuple[int, int]) -> Float32:
+    """(H, W) metres of a depth image of :func:`save_depth`; ``size``: width and height of its frame.
 
     Raises:
-        DriveError: missing or damaged.
+        WorkspaceError: missing, damaged, or of another size.
     """
-    return read_instance_image(path).astype(np.float32) / np.float32(STEPS_PER_M)
+    mend = "run `unveil reoptimize` again"
+    try:
+        steps = read_instance_image(path)
+    except DriveError as error:
+        raise WorkspaceError(error.problem, path=path, mend=mend) from error
+    if steps.shape[::-1] != size:
+        found = f"{steps.shape[1]}x{steps.shape[0]}"
+        raise WorkspaceError(f"Not of its frame's size: {found} pixels, not {size[0]}x{size[1]}", path=path, mend=mend)
+    return steps.astype(np.float32) / np.float32(STEPS_PER_M)
 
 
 def save_depth(depth: Float32, path: Path) -> None:

@@ -11,11 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from unveil_core.base.parallel import threads
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.training import losses, torch_losses
 from unveil_core.optimize.training.adam import adam_step
 from unveil_core.optimize.training.arithmetic import FUSED, TORCH, arithmetic_for
 from unveil_core.optimize.training.torch_adam import adam_step as torch_adam_step
+from unveil_core.surfels.sky import Sky
 
 TOLERANCE = 1e-5
 THERE = "cuda" if torch.cuda.is_available() else "cpu"
@@ -70,6 +72,37 @@ def test_l1_dssim(seed: int, height: int, width: int, kind: str, dssim: float) -
         image,
         summed=image.numel() if kind == "empty" else 1,  # where nothing counts it is divided by one
     )
+
+
+@settings(max_examples=25)
+@given(seeds, sides, sides, st.sampled_from([2, 8, 64]))
+def test_over_sky(seed: int, height: int, width: int, rows: int) -> None:
+    g = torch.Generator().manual_seed(seed)
+    sky = Sky(torch.rand(3, rows, 2 * rows, generator=g), np.eye(3))
+    positions = 2.4 * torch.rand(1, height, width, 2, generator=g) - 1.2  # some beyond the borders
+    told = torch.rand(height, width, 3, generator=g)
+    arguments = torch.rand(height, width, 3, generator=g), torch.rand(height, width, generator=g), sky.texture
+    agree(
+        lambda rgb, alpha, texture: (losses.over_sky(rgb, alpha, sky, texture, positions) * told).mean(),
+        lambda rgb, alpha, texture: (
+            torch_losses.over_sky(rgb, alpha, sky, texture, positions.to(THERE)) * told.to(THERE)
+        ).mean(),
+        *arguments,
+    )
+
+
+def test_the_gradient_of_the_sky_has_the_same_bits_for_any_number_of_threads() -> None:
+    g = torch.Generator().manual_seed(0)
+    sky = Sky(torch.rand(3, 16, 32, generator=g), np.eye(3))
+    positions = 2 * torch.rand(1, 130, 90, 2, generator=g) - 1
+    rgb, alpha = torch.rand(130, 90, 3, generator=g), torch.rand(130, 90, generator=g)
+    found = []
+    for count in (1, 2, 5):
+        texture = sky.texture.clone().requires_grad_(True)
+        with threads(count):
+            losses.over_sky(rgb, alpha, sky, texture, positions).square().sum().backward()
+        found.append(texture.grad)
+    assert all(torch.equal(f, found[0]) for f in found)  # type: ignore[arg-type]
 
 
 @settings(max_examples=25)

@@ -22,10 +22,11 @@ class Arithmetic:
     """The losses and Adam, in one of two ways that agree to 1e-5.
 
     Attributes:
-        l1_dssim, semantic_cross_entropy, normal_consistency: see ``losses``; adam_step: see ``adam``.
+        over_sky, l1_dssim, semantic_cross_entropy, normal_consistency: see ``losses``; adam_step: see ``adam``.
         at_once: whether a loss is a number as soon as it is made; if not, to look at it means to wait for the device.
     """
 
+    over_sky: Callable[..., Tensor]
     l1_dssim: Callable[..., Tensor]
     semantic_cross_entropy: Callable[..., Tensor]
     normal_consistency: Callable[..., Tensor]
@@ -33,8 +34,16 @@ class Arithmetic:
     at_once: bool
 
 
-FUSED = Arithmetic(losses.l1_dssim, losses.semantic_cross_entropy, losses.normal_consistency, adam_step, at_once=True)
+FUSED = Arithmetic(
+    losses.over_sky,
+    losses.l1_dssim,
+    losses.semantic_cross_entropy,
+    losses.normal_consistency,
+    adam_step,
+    at_once=True,
+)
 TORCH = Arithmetic(
+    torch_losses.over_sky,
     torch_losses.l1_dssim,
     torch_losses.semantic_cross_entropy,
     torch_losses.normal_consistency,

@@ -228,3 +228,56 @@ def normal_to_depth(start, stop, depth, alpha, rays, g_along, g_down, g_depth, g
             below = max(alpha[r, c], floor)
             g_depth[r, c] = g / below
             g_alpha[r, c] = -g * depth[r, c] / (below * below) if alpha[r, c] >= floor else ZERO
+
+
+@njit(inline="always")
+def _corner(position, size):
+    """The pixel below a position from -1 to 1 along a side of so many pixels, held within, and the share of the one above."""
+    place = min(max(f32(0.5) * ((position + ONE) * f32(size) - ONE), ZERO), f32(size - 1))
+    low = min(int(place), size - 2)
+    return low, place - f32(low)
+
+
+@njit(**FAST)
+def sky_rows(start, stop, rgb, alpha, grid, texture, sky, image):
+    """Colour (H, W, 3) over the sky where alpha (H, W) leaves light through, into ``image``; the sky alone into ``sky``.
+
+    ``texture`` (3, E, A) is sampled at ``grid`` (H, W, 2) as ``Sky.sample`` does: bilinear, with one more column on each side.
+    """
+    around = texture.shape[2]
+    for y in range(start, stop):
+        for x in range(rgb.shape[1]):
+            column, u = _corner(grid[y, x, 0], around + 2)
+            row, v = _corner(grid[y, x, 1], texture.shape[1])
+            left, right = (column + around - 1) % around, column % around
+            a, b, c, d = (ONE - u) * (ONE - v), u * (ONE - v), (ONE - u) * v, u * v
+            through = ONE - alpha[y, x]
+            for k in range(3):
+                t = texture[k]
+                seen = a * t[row, left] + b * t[row, right] + c * t[row + 1, left] + d * t[row + 1, right]
+                sky[y, x, k] = seen
+                image[y, x, k] = rgb[y, x, k] + through * seen
+
+
+@njit(**FAST)
+def sky_gradient(start, stop, rows, alpha, grid, sky, gradient, by_alpha, by_texture):
+    """Gradients by alpha (H, W), and by the texture (B, 3, E, A), of each of ``B`` bands of so many rows by itself."""
+    around, height = by_texture.shape[3], alpha.shape[0]
+    for band in range(start, stop):
+        found = by_texture[band]
+        for y in range(band * rows, min((band + 1) * rows, height)):
+            for x in range(alpha.shape[1]):
+                column, u = _corner(grid[y, x, 0], around + 2)
+                row, v = _corner(grid[y, x, 1], found.shape[1])
+                left, right = (column + around - 1) % around, column % around
+                through, total = ONE - alpha[y, x], ZERO
+                for k in range(3):
+                    g = gradient[y, x, k]
+                    total -= g * sky[y, x, k]
+                    part = g * through
+                    low, high = part * (ONE - v), part * v
+                    found[k, row, left] += low * (ONE - u)
+                    found[k, row, right] += low * u
+                    found[k, row + 1, left] += high * (ONE - u)
+                    found[k, row + 1, right] += high * u
+                by_alpha[y, x] = total

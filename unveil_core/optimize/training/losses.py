@@ -17,8 +17,17 @@ from unveil_core.base.array_pool import borrow, give_back
 from unveil_core.base.parallel import in_parallel
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.training import loss_kernels as kernels
+from unveil_core.surfels.sky import Sky
 
-__all__ = ["LossWeights", "camera_rays", "depth_prior", "l1_dssim", "normal_consistency", "semantic_cross_entropy"]
+__all__ = [
+    "LossWeights",
+    "camera_rays",
+    "depth_prior",
+    "l1_dssim",
+    "normal_consistency",
+    "over_sky",
+    "semantic_cross_entropy",
+]
 
 
 @dataclass(frozen=True)
@@ -36,6 +45,8 @@ class LossWeights:
 
 
 ROWS_AT_ONCE = 16
+SKY_BANDS = 16
+"""Parts of a picture whose gradients by the sky are summed up one after the other: the same for any number of threads."""
 _TAPS = kernels.window()
 _EVERYWHERE = np.zeros((0, 0), np.float32)
 
@@ -50,7 +61,8 @@ class _WithGradients(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
-        return None, None, *(torch.from_numpy(g) * grad_outputs[0] for g in ctx.gradients)
+        gradients, ctx.gradients = ctx.gradients, ()  # they are scaled in place: no backward goes twice over one render
+        return None, None, *(torch.from_numpy(g).mul_(grad_outputs[0]) for g in gradients)
 
 
 def _with_gradients(value: float, gradients: tuple[NDArray[np.float32], ...], *inputs: Tensor) -> Tensor:
@@ -61,6 +73,38 @@ def _with_gradients(value: float, gradients: tuple[NDArray[np.float32], ...], *i
 def _array(tensor: Tensor) -> NDArray[Any]:
     array: NDArray[Any] = tensor.detach().contiguous().numpy()
     return array
+
+
+class _OverSky(torch.autograd.Function):
+    """See :func:`over_sky`."""
+
+    @staticmethod
+    def forward(ctx: Any, rgb: Tensor, alpha: Tensor, texture: Tensor, grid: Tensor) -> Tensor:
+        c, a, t, g = _array(rgb), _array(alpha), _array(texture), _array(grid)[0]
+        image, sky = np.empty_like(c), np.empty_like(c)
+        in_parallel(kernels.sky_rows, len(a), ROWS_AT_ONCE, c, a, g, t, sky, image)
+        ctx.of_sky = (a, g, sky, t.shape)
+        return torch.from_numpy(image)
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
+        alpha, grid, sky, shape = ctx.of_sky
+        by_alpha, by_texture = np.empty_like(alpha), np.zeros((SKY_BANDS, *shape), np.float32)
+        rows = -(-len(alpha) // SKY_BANDS)
+        arrays = (rows, alpha, grid, sky, _array(grad_outputs[0]), by_alpha, by_texture)
+        in_parallel(kernels.sky_gradient, SKY_BANDS, 1, *arrays)
+        return grad_outputs[0], torch.from_numpy(by_alpha), torch.from_numpy(by_texture.sum(axis=0)), None
+
+
+def over_sky(rgb: Tensor, alpha: Tensor, sky: Sky, texture: Tensor, positions: Tensor) -> Tensor:
+    """(H, W, 3) a rendered colour with the sky where it leaves light through, differentiable in all but the positions.
+
+    Args:
+        rgb: (H, W, 3); alpha: (H, W); sky: what ``texture`` (3, E, A) is of.
+        positions: (1, H, W, 2) where it is sampled, see ``Sky.grid``.
+    """
+    image: Tensor = _OverSky.apply(rgb, alpha, texture, positions)  # type: ignore[no-untyped-call]
+    return image
 
 
 def l1_dssim(image: Tensor, target: Tensor, weight: Tensor | None = None, *, dssim: float = 0.2) -> Tensor:

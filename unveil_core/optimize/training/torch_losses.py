@@ -15,8 +15,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from unveil_core.optimize.training.loss_kernels import REACH, window
+from unveil_core.surfels.sky import Sky
 
-__all__ = ["l1_dssim", "normal_consistency", "semantic_cross_entropy"]
+__all__ = ["l1_dssim", "normal_consistency", "over_sky", "semantic_cross_entropy"]
 
 C1, C2 = 0.01**2, 0.03**2
 """Constants of SSIM for colours in [0, 1] (Wang et al. 2004, section III-B)."""
@@ -50,6 +51,11 @@ def _blurred(images: Tensor) -> Tensor:
     down = taps.view(1, 1, -1, 1).expand(count, 1, -1, 1)
     once = F.conv2d(images[None], across, padding=(0, REACH), groups=count)
     return F.conv2d(once, down, padding=(REACH, 0), groups=count)[0]
+
+
+def over_sky(rgb: Tensor, alpha: Tensor, sky: Sky, texture: Tensor, positions: Tensor) -> Tensor:
+    """See ``losses.over_sky``."""
+    return rgb + (1 - alpha)[..., None] * sky.sample(positions, texture)
 
 
 class _WithGradient(torch.autograd.Function):

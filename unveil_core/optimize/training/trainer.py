@@ -228,7 +228,7 @@ class Optimization:
     def _loss(self, out: Rendered, current: Surfels, view: TrainingView, geometry: bool) -> Tensor:
         w, by = self.settings.weights, self.arithmetic
         assert out.rgb is not None and out.alpha is not None
-        image = out.rgb + (1 - out.alpha)[..., None] * self.sky.sample(view.sky_positions(self.sky), self.texture)
+        image = by.over_sky(out.rgb, out.alpha, self.sky, self.texture, view.sky_positions(self.sky))
         loss = by.l1_dssim(image, view.image, view.weight, dssim=w.dssim)
         semantics, labels = out.semantics, view.labels
         if self.settings.soft_labels and w.semantic > 0 and labels is not None:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.copies import copied_png
 from unveil_core.base.parallel import each
@@ -37,7 +36,6 @@ __all__ = ["run"]
 
 BYTES_A_PIXEL = 80
 """Memory of a frame that is being delivered, for each pixel of the footage: where half of them are removed."""
-MEND = "run `unveil reoptimize` again"
 
 
 def run(context: StageContext) -> None:
@@ -106,12 +104,9 @@ def _full_size(context: StageContext, drive: Drive) -> FullSize:
     moving = read_moving(workspace.root)
 
     def view(i: int) -> EmptyView:
-        depth = load_depth(frame_file(workspace.root / "depths", frames[i]))
-        if depth.shape != (frames[i].camera.height, frames[i].camera.width):
-            raise WorkspaceError(
-                "Not of the frame's size", path=frame_file(workspace.root / "depths", frames[i]), mend=MEND
-            )
-        return EmptyView(frames[i].camera, depth, no_street(workspace.root, frames[i], moving))
+        camera = frames[i].camera
+        depth = load_depth(frame_file(workspace.root / "depths", frames[i]), (camera.width, camera.height))
+        return EmptyView(camera, depth, no_street(workspace.root, frames[i], moving))
 
     ground = read_ground(workspace.ground_npz).street
     footage = [f.footage or Footage(f.image_path, f.camera) for f in frames]
