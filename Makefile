@@ -38,6 +38,7 @@ test-window: extension
 	$(BIN)/python tests/blender_addon/window/opened_files.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/opened_files
 	$(BIN)/python tests/blender_addon/window/working_day.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/working_day
 	$(BIN)/python tests/blender_addon/window/fix_by_hand.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/fix_by_hand
+	$(BIN)/python tests/blender_addon/window/states.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip --workspace build/fix_by_hand/ws -o build/states
 	$(BIN)/python tests/blender_addon/window/pictures.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip --workspace build/fix_by_hand/ws -o build/pictures --into blender_addon/pictures
 
 # The Blender extension with the wheel of unveil_core that it installs, and a repository that Blender can be pointed at.

@@ -68,9 +68,9 @@ def begin(scene: bpy.types.Scene) -> UnveilFix:
     try:
         content = read_bytes(delivered, LARGEST_PICTURE)
     except FileNotFoundError:
-        raise ValueError(f"{delivered}: is not there yet (run Unveil first)") from None
+        raise ValueError(f"{delivered}: Not made yet (run Unveil first)") from None
     if not content.startswith(SIGNATURE):
-        raise ValueError(f"{delivered}: is no PNG (run the stage Deliver again)")
+        raise ValueError(f"{delivered}: Not a PNG (run the stage Deliver again)")
     put_aside(folder, frame.name)
     for name in (frame.name, frame.name + BEFORE):
         write_whole(folder / f"{name}.png", content, like=delivered)
@@ -155,12 +155,12 @@ def _save(fix: UnveilFix, workspace: Path) -> None:
     folder, name = own_folder(workspace, FOLDER, file_name(fix.track)), f"{file_name(fix.frame)}.png"
     copy = blocks.absolute(fix.image.filepath)
     if os.path.realpath(copy) != os.path.join(os.path.realpath(folder), name):
-        raise ValueError(f"{copy}: is not the copy that is painted on (save it by hand as {folder / name})")
+        raise ValueError(f"{copy}: Not the copy that is painted on (save it by hand as {folder / name})")
     make_own(copy)
     try:
         fix.image.save()
     except RuntimeError as error:
-        raise ValueError(f"{fix.image.filepath}: cannot be saved: {error}") from error
+        raise ValueError(f"{fix.image.filepath}: Not saved: {error}") from error
 
 
 def restore(scene: bpy.types.Scene, drive: ImportedDrive) -> None:

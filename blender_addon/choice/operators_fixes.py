@@ -11,6 +11,7 @@ from bpy.props import IntProperty
 from ..formats.files import one_line
 from ..scene import view
 from . import fixes
+from .fixing.brush_color import take_color
 
 __all__ = ["show_picture"]
 
@@ -30,6 +31,7 @@ class UNVEIL_OT_paint_frame(bpy.types.Operator):
         return ready
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        is_first = not len(context.scene.unveil_selection.fixes)
         try:
             fix = fixes.begin(context.scene)
         except (OSError, ValueError) as error:
@@ -37,6 +39,9 @@ class UNVEIL_OT_paint_frame(bpy.types.Operator):
             return {"CANCELLED"}
         if not bpy.app.background and context.window_manager.windows:
             show_picture(context, fix.image)
+        if is_first:  # from then on the colour is the artist's
+            removed = Path(context.scene.unveil_selection.workspace, "masks/removed", fix.track, f"{fix.frame}.png")
+            take_color(context, fix.image, removed)
         return {"FINISHED"}
 
 
@@ -50,6 +55,7 @@ def show_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
     space = areas[0].spaces.active
     space.image = image
     space.ui_mode = "PAINT"
+    space.show_region_tool_header = True  # the brush's colour and size
     region = next((r for r in areas[0].regions if r.type == "WINDOW"), None)
     window = next(w for w in context.window_manager.windows if areas[0] in list(w.screen.areas))
     if region is not None:
@@ -72,7 +78,7 @@ class _OfOneFix:
         """Whether there is such a fix; else it is reported."""
         there = 0 <= self.index < len(context.scene.unveil_selection.fixes)
         if not there:
-            self.report({"ERROR"}, f"There is no fix {self.index}")  # type: ignore[attr-defined]
+            self.report({"ERROR"}, f"Not found: fix {self.index}")  # type: ignore[attr-defined]
         return there
 
 

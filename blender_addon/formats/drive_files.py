@@ -123,7 +123,7 @@ def read_json(path: Path) -> Any:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: cannot be read: {error}") from error
+        raise ValueError(f"{path}: Not readable: {error}") from error
 
 
 def read_drive(workspace: str | Path, metre: float = 1.0) -> ImportedDrive:
@@ -138,20 +138,20 @@ def read_drive(workspace: str | Path, metre: float = 1.0) -> ImportedDrive:
     try:
         refuse_links(workspace)
     except OSError as error:
-        raise ValueError(f"{error.filename}: cannot be read: {error.strerror}") from error
+        raise ValueError(f"{error.filename}: Not readable: {error.strerror}") from error
     path = workspace / "drive" / "cameras.json"
     data = read_json(path)
     if data is None:
-        raise ValueError(f"{workspace}: holds no imported drive (import one first)")
+        raise ValueError(f"{workspace}: No imported drive (import one first)")
     try:
         similarity = data["to_world"]
         offset = np.array(similarity["translation"], np.float64).reshape(3)
         rotation = np.array(similarity["rotation"], np.float64).reshape(3, 3)
         scale = float(similarity["scale"])
         if not (np.abs(offset) < FARTHEST).all() or not 1 / FARTHEST < scale < FARTHEST:
-            raise ValueError("its way to the drive is none")
+            raise ValueError("its transform to the drive is out of range")
         if not np.isfinite(rotation).all() or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
-            raise ValueError("its way to the drive is no rotation")
+            raise ValueError("its transform to the drive does not rotate")
         rate = _number(data.get("frame_rate"))
         if rate is not None and not RATES[0] <= rate <= RATES[1]:
             raise ValueError(f"{rate:g} frames a second")
@@ -160,7 +160,7 @@ def read_drive(workspace: str | Path, metre: float = 1.0) -> ImportedDrive:
         for entry in data["frames"]:
             tracks.setdefault(file_name(entry["camera"]), []).append(_frame(entry, drive))
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise ValueError(f"{path}: is no imported drive: {error} (import it again)") from error
+        raise ValueError(f"{path}: Not an imported drive: {error} (import it again)") from error
     drive.tracks.update({name: tuple(frames) for name, frames in tracks.items()})
     return drive
 
@@ -190,7 +190,7 @@ def file_name(text: object) -> str:
     strange = any(c in '<>:"/\\|?*' or unicodedata.category(c) in UNSEEN for c in name)
     whole = name == name.strip(" .") != "" and not strange
     if not whole or DEVICES.match(name):
-        raise ValueError(f"{name[:40]!r} is no name of a file")
+        raise ValueError(f"{name[:40]!r} is not a file name")
     return name
 
 

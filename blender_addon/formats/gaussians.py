@@ -16,6 +16,13 @@ THIN_M = 1e-4
 logarithm, and Blender packs logarithms over the range from the least extent to the greatest."""
 MOST_M = 1e4
 """The greatest extent, metres: no street is longer, and a number beyond would overflow."""
+LONGEST_M, SHARE_OF_DISTANCE, TIMES_WIDTH = 1.0, 0.05, 2.0
+"""What a Gaussian may have, metres wherever it lies, of the distance to the nearest camera, or times its second extent: the most of
+the three. The optimization sees it from the street alone, and nothing holds the far end of a needle. As ``unveil export`` has it
+(``unveil_core/exports/splats/shortened.py`` tells how the numbers were found), so both show the same."""
+CHUNK = 4096
+"""Gaussians whose distances to all cameras are in memory at a time."""
+NO_CAMERAS = np.zeros((0, 3))
 BANDS = (0, 3, 8, 15, 24)
 """Coefficients of a channel beside the constant one, by the degree of the harmonics; Blender draws up to the fourth."""
 
@@ -42,13 +49,14 @@ class Gaussians:
         return len(self.positions)
 
 
-def gaussians_of(ply: Ply, metre: float, chosen: np.ndarray) -> Gaussians:
+def gaussians_of(ply: Ply, metre: float, chosen: np.ndarray, cameras: np.ndarray = NO_CAMERAS) -> Gaussians:
     """The Gaussians of a file.
 
     Args:
         ply: what it holds.
         metre: units of the scene in a metre.
         chosen: indices of those that are wanted.
+        cameras: (C, 3) where the drive's are, metres; with none, extents are as the file has them.
     Raises:
         ValueError: it is no file of surfels.
     """
@@ -66,6 +74,7 @@ def gaussians_of(ply: Ply, metre: float, chosen: np.ndarray) -> Gaussians:
         raise ValueError(f"holds no surfels: {error}") from error
     scales = np.full((len(table), 3), THIN_M)
     scales[:, : logs.shape[1]] = np.exp(np.clip(logs, np.log(THIN_M), np.log(MOST_M)))
+    _shorten(scales, ply.positions[chosen], cameras)
     length = np.linalg.norm(rotations, axis=1, keepdims=True)
     rotations = np.where(length > 1e-12, rotations / np.maximum(length, 1e-12), (1.0, 0.0, 0.0, 0.0))
     return Gaussians(
@@ -75,6 +84,16 @@ def gaussians_of(ply: Ply, metre: float, chosen: np.ndarray) -> Gaussians:
         base=np.concatenate([colors, 1 / (1 + np.exp(-np.clip(opacity, -60, 60)))], axis=1).astype(np.float32),
         harmonics=further,
     )
+
+
+def _shorten(scales: np.ndarray, positions: np.ndarray, cameras: np.ndarray) -> None:
+    """Bring extents (N, 3), in place, to what :data:`LONGEST_M` and the others allow; all in metres."""
+    ordered = np.sort(scales, axis=1)
+    most = np.maximum(LONGEST_M, TIMES_WIDTH * ordered[:, 1])
+    long = np.flatnonzero(ordered[:, 2] > most)
+    for part in np.split(long, range(CHUNK, len(long), CHUNK)) if len(cameras) else ():
+        away = np.linalg.norm(positions[part, None].astype(np.float64) - cameras, axis=2).min(axis=1)
+        scales[part] = np.minimum(scales[part], np.maximum(most[part], SHARE_OF_DISTANCE * away)[:, None])
 
 
 def _columns(table: np.ndarray, *names: str) -> np.ndarray:

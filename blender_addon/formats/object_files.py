@@ -21,7 +21,6 @@ __all__ = [
     "ListedClass",
     "ListedObject",
     "Mark",
-    "found_sun",
     "read_choice",
     "read_fixes",
     "read_keyframes",
@@ -193,16 +192,6 @@ def recorded_drive(workspace: Path) -> str:
     return _read(workspace / "workspace.json", understood, "", "run it again")
 
 
-def found_sun(workspace: Path) -> tuple[float, float] | None:
-    """Azimuth, clockwise from the y axis, and elevation of the sun that a run went by, degrees; None where it found none."""
-
-    def understood(data: Any) -> tuple[float, float] | None:
-        sun = ((data.get("stages") or {}).get("inpaint") or {}).get("sun")
-        return None if sun is None else (_number(sun["azimuth_deg"]), _number(sun["elevation_deg"]))
-
-    return _read(workspace / "workspace.json", understood, None, "run it again")
-
-
 def recorded_settings(workspace: Path) -> dict[str, Any]:
     """The settings that a workspace was last run with, by ``workspace.json``: any values, under any names."""
 
@@ -223,7 +212,7 @@ def _read(path: Path, understood: Callable[[Any], T], nothing: T, mend: str) -> 
         return understood(data)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise ValueError(f"{path}: is damaged: {what} ({mend})") from error
+        raise ValueError(f"{path}: Damaged: {what} ({mend})") from error
 
 
 def _class(entry: Any) -> ListedClass:

@@ -89,7 +89,7 @@ def refuse_links(workspace: Path) -> None:
                 if entry.is_dir(follow_symlinks=False):
                     folders.append(entry.path)
                 elif not entry.is_file(follow_symlinks=False) and os.path.lexists(entry.path):
-                    raise ValueError(f"{entry.path}: is no file but a pipe or a device (remove it)")
+                    raise ValueError(f"{entry.path}: Not a file but a pipe or a device (remove it)")
 
 
 def _is_link(found: os.stat_result) -> bool:
@@ -102,4 +102,4 @@ def _check_kind(path: str | Path, found: os.stat_result) -> None:
     if stat.S_ISDIR(found.st_mode):
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(found.st_mode):
-        raise OSError(errno.EINVAL, "it is no file but a pipe or a device", str(path))
+        raise OSError(errno.EINVAL, "not a file but a pipe or a device", str(path))

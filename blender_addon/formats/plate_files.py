@@ -68,7 +68,7 @@ def read_plates(drive: ImportedDrive) -> dict[str, TrackPlates]:
         objects = [_object(entry) for entry in data["mattes"]]
         return {track: _track(folder, track, data, objects, drive) for track in drive.tracks}
     except KeyError as error:
-        raise ValueError(f"{path}: is damaged: {error} is missing ({MEND})") from error
+        raise ValueError(f"{path}: Damaged: {error} is missing ({MEND})") from error
     except (TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"{path}: {error} ({MEND})") from error
 

@@ -97,7 +97,7 @@ def read_ply(path: str | Path) -> Ply:
             _check(vertices, triangles)
         except (LookupError, TypeError, ValueError, ArithmeticError, MemoryError) as error:
             problem = str(error) or type(error).__name__
-            raise ValueError(f"{path}: is no PLY that can be read here: {problem[:200]}") from error
+            raise ValueError(f"{path}: Not a PLY that can be read here: {problem[:200]}") from error
     return Ply(vertices, triangles, tuple(comments))
 
 

@@ -186,11 +186,11 @@ def with_palette(png: bytes, colors: Sequence[tuple[int, int, int]]) -> bytes:
     """A grey 8-bit PNG of small numbers as one that shows each number in a colour; the pixels are taken over as they are.
 
     Raises:
-        ValueError: it is no grey 8-bit PNG.
+        ValueError: it Not a grey 8-bit PNG.
     """
     header = struct.unpack(">IIBBBBB", png[16:29]) if png[:8] == SIGNATURE and len(png) > 33 else ()
     if header[2:4] != (8, 0):
-        raise ValueError("is no grey 8-bit PNG")
+        raise ValueError("Not a grey 8-bit PNG")
     palette = bytes(v for color in (*colors, *[(255, 255, 255)] * (256 - len(colors))) for v in color)
     start = png[:8] + _chunk(b"IHDR", struct.pack(">IIBBBBB", *header[:3], 3, *header[4:])) + _chunk(b"PLTE", palette)
     rest = png[33:]

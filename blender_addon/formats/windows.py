@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 __all__ = ["chosen_pictures", "windows"]
 
-TRIED = 3
 REACH, STEP = 12, 2
 """Pictures before and after one that is tried, of which each second is read: what a parked car hides is seen from there."""
 
@@ -17,13 +16,11 @@ def chosen_pictures(now: int, count: int, named: Sequence[int] = ()) -> list[int
 
     Args:
         now: number of the one that is looked at; count: of all.
-        named: those that were asked for; none = the present one, and others a third of the drive away.
+        named: those that were asked for; none = the one that is looked at.
     """
-    wanted = named or [now + round(k * count / TRIED) for k in range(-TRIED, TRIED + 1)]
-    inside = sorted({i for i in wanted if 0 <= i < count})
-    if named or len(inside) <= TRIED:
-        return inside
-    return sorted(sorted(inside, key=lambda i: (abs(i - now), i))[:TRIED])
+    if named:
+        return sorted({i for i in named if 0 <= i < count})
+    return [min(max(now, 0), count - 1)]
 
 
 def windows(chosen: Sequence[int], count: int, frames: str = "") -> str:

@@ -40,7 +40,7 @@ class UNVEIL_OT_full_detail(bpy.types.Operator):
         thing[view.FULL_DETAIL] = not before
         try:
             there = results.load_mesh(collection, read_drive(workspace, drive_scene.metre_of(scene)), state)
-            problem = "" if there else f"{workspace}: holds no mesh of this state (run the stage Mesh)"
+            problem = "" if there else f"{workspace}: No mesh of this state yet (run the stage Mesh)"
         except (OSError, ValueError) as error:
             problem = one_line(error, workspace)
         if problem:

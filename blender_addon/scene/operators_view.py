@@ -48,7 +48,7 @@ class UNVEIL_OT_look_through(bpy.types.Operator):
         tracks = [] if collection is None else drive_scene.tracks_of(collection)
         camera = next((c for c in tracks if not self.track or c["unveil_track"] == self.track), None)
         if camera is None:
-            self.report({"ERROR"}, f"There is no camera {self.track}")
+            self.report({"ERROR"}, f"Not found: the camera {self.track}")
             return {"CANCELLED"}
         cameras.fit_scene_to(context.scene, camera)
         drive_scene.show_cameras_view(context)

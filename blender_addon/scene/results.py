@@ -169,7 +169,8 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive, timeline
         order = [f.name for f in drive.tracks.get(track, ())]
         file = drive.workspace / "inpainted" / track / f"{name}.png"
         if name in order and file.is_file():
-            wanted[f"keyframe:{track}:{name}"] = (f"Keyframe {name}", file, timeline.frames[track][order.index(name)])
+            frame = timeline.frames[track][order.index(name)]
+            wanted[f"keyframe:{track}:{name}"] = (_fill(frame), file, frame)
     for image in [i for i in bpy.data.images if i.get(blocks.DRIVE) == mark]:
         if str(image[blocks.ROLE]).startswith("keyframe:") and image[blocks.ROLE] not in wanted:
             bpy.data.images.remove(image)
@@ -178,18 +179,19 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive, timeline
         image.use_fake_user = True
         plates.reload_changed(image, [file])
     # Markers cannot carry custom properties: one is known by its name and frame, and where any is, none is added.
-    names = [
-        (f"Keyframe {f.name}", frame)
-        for track, frames in drive.tracks.items()
-        for f, frame in zip(frames, timeline.frames[track], strict=True)
-    ]
-    gone = set(names) - {(name, frame) for name, _, frame in wanted.values()}
+    names = {(_fill(frame), frame) for track in drive.tracks for frame in timeline.frames[track]}
+    gone = names - {(name, frame) for name, _, frame in wanted.values()}
     for marker in [m for m in scene.timeline_markers if (m.name, m.frame) in gone]:
         scene.timeline_markers.remove(marker)
     taken = {m.frame for m in scene.timeline_markers}
     for name, _, frame in wanted.values():
         if frame not in taken:
             scene.timeline_markers.new(name, frame=frame)
+
+
+def _fill(frame: int) -> str:
+    """What a frame of the timeline is called that fills holes for others: a keyframe is something else in Blender."""
+    return f"Fill {frame}"
 
 
 # ---------------------------------------------------------------------------------------------------------------- geometry
@@ -257,7 +259,7 @@ def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
         ply = read_ply(path)
         chosen = splats.fair_share(len(ply.vertices), splat_clouds.MOST_NATIVE)
         try:
-            found = gaussians_of(ply, drive.metre, chosen)
+            found = gaussians_of(ply, drive.metre, chosen, _camera_places(drive))
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
         before, cloud = cloud, splat_clouds.make(name, found, facts_of(drive.workspace, path.stem, ply, chosen))
@@ -271,6 +273,11 @@ def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedD
             cloud.name = name
     thing = blocks.ensure_object(cloud, mark, role, name, blocks.child_collection(collection, role, name))
     thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = cloud["unveil_gaussians"], len(cloud.points)
+
+
+def _camera_places(drive: ImportedDrive) -> np.ndarray:
+    """(C, 3) where a drive's cameras are, metres."""
+    return np.array([f.camera_to_scene[:3, 3] for t in drive.tracks.values() for f in t]).reshape(-1, 3) / drive.metre
 
 
 def _finish(mesh: bpy.types.Mesh, mark: str, stamp: str) -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -12,7 +12,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from ..formats.table.run_settings import SHOWN, RunSetting
 from . import blocks, versions
 
-__all__ = ["CAMERAS", "SET_UP_SCENE", "START_FRAME", "UnveilSettings", "property_of"]
+__all__ = ["CAMERAS", "ON_TYPED", "SET_UP_SCENE", "START_FRAME", "UnveilSettings", "property_of"]
 
 
 SET_UP_SCENE: dict[str, Any] = {
@@ -37,6 +37,16 @@ CAMERAS: dict[str, Any] = {
 
 def _workspace_named(self: UnveilSettings, context: bpy.types.Context) -> None:
     blocks.look_up([self.workspace])
+
+
+ON_TYPED: list[Callable[[Any], None]] = []
+"""Called with the ``scene.unveil`` whose results folder was named by hand."""
+
+
+def _typed(self: UnveilSettings, folder: str) -> None:
+    self.workspace = folder
+    for told in ON_TYPED:
+        told(self)
 
 
 def _inpainters(self: UnveilSettings, context: bpy.types.Context, text: str) -> list[str]:
@@ -85,27 +95,19 @@ class UnveilSettings(bpy.types.PropertyGroup):
         update=_workspace_named,
         options=versions.PATH,
     )
+    results_folder: StringProperty(
+        name="Results Folder",
+        subtype="DIR_PATH",
+        description="Folder of the results; where it holds some of this drive, their settings are taken over",
+        get=lambda self: self.workspace,
+        set=_typed,
+        options=versions.PATH | {"SKIP_SAVE"},
+    )
     set_up_scene: BoolProperty(**SET_UP_SCENE)
     start_frame: IntProperty(**START_FRAME)
     preview_frames: StringProperty(
         name="Preview Frames",
-        description="Frames of the timeline that a preview tries, as 1004,1050; empty: the present one and two others",
-    )
-    sun_azimuth: FloatProperty(
-        name="Azimuth",
-        subtype="ANGLE",
-        default=math.radians(135),
-        soft_min=0,
-        soft_max=2 * math.pi,
-        description="Direction towards the sun, clockwise from the y axis (north)",
-    )
-    sun_elevation: FloatProperty(
-        name="Elevation",
-        subtype="ANGLE",
-        default=math.radians(40),
-        min=math.radians(0.1),
-        max=math.pi / 2,
-        description="Height of the sun above the horizon",
+        description="Frames of the timeline that a preview tries, as 1004,1050; empty: the present one",
     )
     made_with: StringProperty(options={"HIDDEN"})
     show_more: BoolProperty(

@@ -6,8 +6,9 @@ their logarithms; ``rotation``, a quaternion w, x, y, z; ``radiance:base``, four
 and the opacity from 0 to 1; ``radiance:sh_0`` and so on for the further coefficients, a vector each. A surfel's third extent is
 thin.
 
-A cloud of a workspace equals what Blender's importer makes of the same file, to the last bits of single precision. Beside what that
-has, it carries whole numbers for Geometry Nodes: ``label``, ``instance`` and ``provenance``, see ``formats/splat_files/``.
+A cloud of a workspace equals what Blender's importer makes of the same scene, exported by ``unveil export``, to the last bits of
+single precision: needles that stick out of the street are shortened in both. Beside what that has, it carries whole numbers for
+Geometry Nodes: ``label``, ``instance`` and ``provenance``, see ``formats/splat_files/``.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import os
 from typing import Any
 
 import bpy
+from mathutils import Color
 
 __all__ = [
     "MATH_NODE",
@@ -27,6 +28,7 @@ __all__ = [
     "new_splat_cloud",
     "place_strip",
     "scale_to_render",
+    "set_brush_color",
     "set_map_uv_filter",
     "show_in_sequencer",
     "shown_compositor",
@@ -239,5 +241,20 @@ def shown_compositor(scene: Any) -> Any:
 def switch_compositor_on(scene: Any) -> None:
     """Let a render go through the scene's compositor: up to 4.5 its tree may be there and be switched off."""
     scene.render.use_compositing = True
-    if not hasattr(scene, "compositing_node_group"):
+    if "compositing_node_group" not in scene.bl_rna.properties:  # asked of the class: the name is deprecated in 5.3
         scene.use_nodes = True
+
+
+def set_brush_color(settings: Any, linear: tuple[float, float, float]) -> None:
+    """Give the brush of Image Editors a colour, scene linear: its own, and the one that brushes share.
+
+    The shared one is of all modes up to 4.5, of each since 5.0. Colours of brushes are encoded as sRGB up to 4.5.
+    """
+    paint = settings.image_paint
+    shared = getattr(paint, "unified_paint_settings", None) or settings.unified_paint_settings
+    for holder in (shared, paint.brush):
+        if holder is None:
+            continue
+        encoded = holder.bl_rna.properties["color"].subtype == "COLOR_GAMMA"
+        color = Color(linear)
+        holder.color = color.from_scene_linear_to_srgb() if encoded else color

@@ -159,7 +159,7 @@ def has_results(operator: type[bpy.types.Operator], context: bpy.types.Context) 
     collection = shown_drive(context.scene)
     there = collection is not None and bool(collection.get("unveil_clean"))
     if not there:
-        operator.poll_message_set("There are no results yet: press Unveil first")
+        operator.poll_message_set("No results yet: press Unveil first")
     return there
 
 

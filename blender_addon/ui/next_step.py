@@ -50,8 +50,8 @@ def _step(scene: bpy.types.Scene) -> Step:
     collection = view.shown_drive(scene)
     if collection is None and not selection.current(scene):
         if scene.unveil.drive:
-            return Step("Footage Chosen", "FILE_FOLDER", "unveil.import_drive", "Import", "IMPORT")
-        return Step("Nothing Imported Yet", "INFO", "unveil.open_drive", "Import Footage…", "IMPORT")
+            return Step("Drive Chosen", "FILE_FOLDER", "unveil.import_drive", "Import", "IMPORT")
+        return Step("Nothing Imported Yet", "INFO", "unveil.open_drive", "Import Street Drive…", "IMPORT")
     if collection is None:
         return Step("Not in This Scene", "INFO", "unveil.load_workspace", "Bring It Back", "FILE_REFRESH")
     if selection.problem(scene):

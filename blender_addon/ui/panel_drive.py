@@ -23,9 +23,10 @@ class UNVEIL_PT_drive(Section, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         row = layout.row(align=True)
-        row.operator("unveil.open_drive", text="Import…", icon="IMPORT")
-        row.operator("unveil.load_workspace", text="Open Results…", icon="FILE_FOLDER").ask = True
+        row.operator("unveil.open_drive", text="Drive…", icon="IMPORT")
+        row.operator("unveil.import_footage", text="Footage…", icon="FILE_MOVIE")
         layout.operator("unveil.use_shot", icon="CAMERA_DATA")
+        layout.operator("unveil.load_workspace", text="Open Results…", icon="FILE_FOLDER").ask = True
         if scene.unveil.drive:
             row = layout.row(align=True)
             row.prop(scene.unveil, "drive", text="")

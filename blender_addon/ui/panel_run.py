@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from ..formats.table.run_settings import ADVANCED, BASIC, SUN, RunSetting
+from ..formats.table.run_settings import ADVANCED, BASIC, RunSetting
 from ..scene.view import shown_drive
 from ..work.stage_states import stage_states
 from ..worker.job_state import duration
@@ -59,6 +59,8 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
             button = row.operator(step.operator, text=step.text, icon=step.sign)
             for name, value in step.options.items():
                 setattr(button, name, value)
+            if step.operator == "unveil.open_drive":  # who has cameras already; others have a clip alone
+                self.layout.operator("unveil.import_footage", text="Import Footage…", icon="FILE_MOVIE")
             if step.operator == "unveil.run" and shown_drive(context.scene) is not None:
                 row = self.layout.row(align=True)
                 row.operator("unveil.preview", icon="HIDE_OFF")
@@ -117,7 +119,7 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         column.use_property_split = True
         column.use_property_decorate = False
         column.enabled = not session.busy
-        column.prop(settings, "workspace")
+        column.prop(settings, "results_folder")
         _settings(column, settings, [s for s in BASIC if s.group not in READING])
         more = column.row()
         more.use_property_split = False
@@ -183,12 +185,9 @@ class UNVEIL_PT_stages(Section, bpy.types.Panel):
 
 
 def _settings(column: bpy.types.UILayout, settings: Any, shown: Sequence[RunSetting]) -> None:
-    """A row for each; the sun below the shadows where it is given."""
+    """A row for each."""
     for setting in shown:
         column.prop(settings, setting.name, text=SHORT.get(setting.name, setting.label))
-        if setting.shape == "sun" and settings.shadows == "given":
-            for name in SUN:
-                column.prop(settings, name)
 
 
 def _has_results(context: bpy.types.Context) -> bool:

@@ -12,7 +12,7 @@ from ..choice import box_gizmos, selection
 from ..choice.quick import filters
 from ..scene import drive_scene
 from . import previews
-from .panels import Section, split
+from .panels import Section, is_narrow, split
 
 __all__ = ["UNVEIL_PT_classes", "UNVEIL_PT_selection", "measures", "summary"]
 
@@ -72,7 +72,8 @@ class UNVEIL_UL_objects(bpy.types.UIList):
         index: int = 0,
         flt_flag: int = 0,
     ) -> None:
-        whole = layout.split(factor=0.58)
+        told = _told(item, data.filter.sort, is_narrow(context))
+        whole = layout.split(factor=0.58 if len(told) > 1 else 0.76)
         row = whole.row(align=True)
         if item.moves:
             row.label(text="", icon="ANIM")
@@ -83,11 +84,9 @@ class UNVEIL_UL_objects(bpy.types.UIList):
             row.label(text=item.name, icon_value=picture)
         else:
             row.label(text=item.name, icon={"box": "CUBE", "mattes": "IMAGE_DATA"}.get(item.source, "QUESTION"))
-        size, distance, frames = measures(item)
-        long = size if data.filter.sort == "SIZE" else distance  # there is room for two
-        told = whole.split(factor=0.5)
-        for text in (f"{long} m" if long else "", f"{frames} f" if frames else ""):
-            cell = told.row()
+        columns = whole.split(factor=1 / len(told))
+        for text in told:
+            cell = columns.row()
             cell.alignment = "RIGHT"
             cell.label(text=text)
 
@@ -98,6 +97,14 @@ class UNVEIL_UL_objects(bpy.types.UIList):
             name = self.filter_name.lower()
             let = [ok and name in o.name.lower() for ok, o in zip(let, data.objects, strict=True)]
         return [self.bitflag_filter_item if ok else 0 for ok in let], filters.ranks(data, metre)
+
+
+def _told(item: selection.UnveilObject, sort: str, narrow: bool) -> list[str]:
+    """The columns beside a name: two, in a narrow sidebar one. What the list is sorted by is among them."""
+    size, distance, frames = measures(item)
+    long = size if sort == "SIZE" else distance
+    columns = [f"{long} m" if long else "", f"{frames} f" if frames else ""]
+    return columns[1:] if narrow and sort == "SEEN" else columns[:1] if narrow else columns
 
 
 def measures(item: selection.UnveilObject) -> tuple[str, str, str]:

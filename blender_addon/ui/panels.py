@@ -16,7 +16,10 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["Section", "split"]
+__all__ = ["Section", "is_narrow", "split"]
+
+NARROW_PX = 300
+"""Of a sidebar at which every label is drawn as large as Blender does by default; its own width is 255."""
 
 
 class Section:
@@ -32,3 +35,9 @@ def split(layout: Any) -> Any:
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, False
     return column
+
+
+def is_narrow(context: Any) -> bool:
+    """Whether the sidebar has room for little beside a name."""
+    region = context.region
+    return region is not None and 0 < region.width < NARROW_PX * context.preferences.system.ui_scale

@@ -13,7 +13,7 @@ from ..worker.job_state import JobState
 from ..worker.session import session
 from .telling import progress
 
-__all__ = ["dismiss", "status_text", "told"]
+__all__ = ["dismiss", "redraw_bars", "status_text", "told"]
 
 EVERY_S = 0.5
 WIDTH = 18.0
@@ -70,6 +70,16 @@ def _draw(self: Any, context: bpy.types.Context) -> None:
         row.operator("unveil.dismiss", text="", icon="X")
 
 
+def redraw_bars() -> None:
+    """Draw the status bar of each window anew.
+
+    Blender draws that of the window in context, and does not ask whether there is one: after a file was opened there is none.
+    """
+    for window in bpy.context.window_manager.windows:
+        with bpy.context.temp_override(window=window):
+            window.workspace.status_text_set_internal(None)
+
+
 def _tick() -> float:
     """Draw the bar anew where what it says has changed: nothing else tells Blender of it."""
     global _drawn
@@ -80,8 +90,7 @@ def _tick() -> float:
         drawn = progress.stage_said(state), round(part, 2), int(state.seconds_left() or 0) // 5, session.waiting
     if drawn != _drawn:
         _drawn = drawn
-        for window in bpy.context.window_manager.windows:
-            window.workspace.status_text_set_internal(None)
+        redraw_bars()
     return EVERY_S
 
 

@@ -69,7 +69,7 @@ def main(arguments: list[str]) -> int:
         name = "--save" if save else "--save-cameras"
         return _refuse(f"{name} goes with the verbs run and import, and -o WORKSPACE")
     if cameras and cameras.suffix.lower() not in camera_files.KINDS:
-        return _refuse(f"{cameras}: is no file of cameras (use {', '.join(camera_files.KINDS)})")
+        return _refuse(f"{cameras}: Not a file of cameras (use {', '.join(camera_files.KINDS)})")
     for path in (save, cameras):
         if path and "--replace" not in rest and _is_somebodys(workspace.absolute(), path):
             return _refuse(f"{path}: is there already, and was not saved by this command (move it, or add --replace)")

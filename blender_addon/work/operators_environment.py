@@ -100,7 +100,7 @@ def _problem(context: bpy.types.Context, found: Found | None) -> str:
     named = chosen.python if chosen else ""
     if lies_beside_files(named):
         return f"{named}: leads to another place with each file: name the whole path of a Python"
-    return f"{named}: there is no such Python" if named else "No Python was found: press Install"
+    return f"{named}: Not a Python" if named else "No Python was found: press Install"
 
 
 def _examined() -> float | None:

@@ -30,14 +30,14 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
         name="Drive", subtype="FILE_PATH", description="Empty: the scene's", options={"SKIP_SAVE", "HIDDEN"}
     )
     workspace: StringProperty(
-        name="Workspace",
+        name="Results Folder",
         subtype="DIR_PATH",
         description="Empty: the scene's, or beside the drive",
         options={"SKIP_SAVE", "HIDDEN"},
     )
     replace: BoolProperty(
         name="Replace results of another drive",
-        description="Where the workspace has results of another drive, have them replaced by this one's",
+        description="Where the folder has results of another drive, have them replaced by this one's",
         default=False,
         options={"SKIP_SAVE", "HIDDEN"},
     )
@@ -54,7 +54,7 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
         if not other:
             return super().invoke(context, event)
         self.replace = self.asked = True
-        message = f"The workspace has results of {other}. They are replaced, stage by stage."
+        message = f"The results folder has results of {other}. They are replaced, stage by stage."
         manager = context.window_manager
         return manager.invoke_confirm(
             self, event, title="Import another drive?", message=message, confirm_text="Replace results", icon="WARNING"
@@ -82,7 +82,7 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
                 settings.workspace = ""
             settings.drive = str(drive)
         if not settings.drive:
-            raise UserError("There is no drive yet: choose a transforms.json or the folder of a drive")
+            raise UserError("No drive yet: choose a transforms.json or the folder of a drive")
         drive = blocks.absolute(settings.drive)
         if not drive.exists():
             raise UserError(f"{drive}: Not found")

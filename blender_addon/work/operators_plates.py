@@ -49,7 +49,7 @@ class UNVEIL_OT_plates(JobOperator, bpy.types.Operator):
         scene = context.scene
         workspace = workspace_of(scene)
         if workspace is None:
-            raise UserError("There is no workspace yet: import a drive, or name the folder of one")
+            raise UserError("No results yet: import a drive, or name a results folder")
         start = str(scene.unveil.start_frame)
         formats = ",".join(FORMATS)
         return ["export", str(workspace), "--to", formats, "-o", str(workspace / FOLDER), "--start-frame", start]

@@ -24,7 +24,7 @@ __all__: list[str] = []
 
 
 class UNVEIL_OT_preview(JobOperator, bpy.types.Operator):
-    """Try a few frames at draft quality: this one and two others, in a minute or two"""
+    """Try this frame at draft quality, in a minute: a few frames before and after it are read, for what they see behind"""
 
     bl_idname = "unveil.preview"
     bl_label = "Preview"

@@ -38,7 +38,7 @@ def drive_of(scene: bpy.types.Scene) -> str:
         UserError: none is named.
     """
     if not scene.unveil.drive:
-        raise UserError("There is no drive yet: import one first")
+        raise UserError("No drive yet: import one first")
     return str(blocks.absolute(scene.unveil.drive))
 
 
@@ -99,7 +99,7 @@ class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
         scene = context.scene
         workspace = workspace_of(scene)
         if workspace is None:
-            raise UserError("There is no workspace yet: import a drive, or name the folder of one")
+            raise UserError("No results yet: import a drive, or name a results folder")
         if self.stage in NEED_A_SELECTION and (problem := selection.problem(scene)):
             raise UserError(problem)
         chosen = selection_arguments(selection.arguments(scene))

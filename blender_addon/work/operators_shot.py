@@ -32,7 +32,7 @@ class UNVEIL_OT_use_shot(bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
     workspace: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
+        name="Results Folder", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
     )
     set_up_scene: BoolProperty(**{**SET_UP_SCENE, "default": False})
     run_import: BoolProperty(

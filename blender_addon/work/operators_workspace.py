@@ -12,7 +12,8 @@ from bpy.props import BoolProperty, StringProperty
 
 from ..formats.object_files import recorded_drive, recorded_settings
 from ..scene import blocks
-from ..worker.run_arguments import adopt
+from ..scene.settings import ON_TYPED
+from ..worker.run_arguments import adopt, other_drive
 from .loading import loaded
 from .saved.moved_workspace import follow
 
@@ -27,7 +28,7 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     directory: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Empty: the scene's", options={"SKIP_SAVE"}
+        name="Results Folder", subtype="DIR_PATH", description="Empty: the scene's", options={"SKIP_SAVE"}
     )
     ask: BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
 
@@ -46,11 +47,11 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
         settings = context.scene.unveil
         place = self.directory or settings.workspace
         if not place:
-            self.report({"ERROR"}, "There is no workspace yet: import a drive, or choose the folder of one")
+            self.report({"ERROR"}, "No results yet: import a drive, or choose a results folder")
             return {"CANCELLED"}
         if not (blocks.absolute(place) / "workspace.json").is_file():
             self.report(
-                {"ERROR"}, f"{blocks.absolute(place)}: is no workspace (choose the folder that holds workspace.json)"
+                {"ERROR"}, f"{blocks.absolute(place)}: Not a results folder (choose the one that holds workspace.json)"
             )
             return {"CANCELLED"}
         if self.directory:
@@ -75,12 +76,12 @@ class UNVEIL_OT_find_workspace(bpy.types.Operator):
     bl_label = "Find Results…"
     bl_options = {"REGISTER", "UNDO"}
 
-    directory: StringProperty(name="Workspace", subtype="DIR_PATH", options={"SKIP_SAVE"})
+    directory: StringProperty(name="Results Folder", subtype="DIR_PATH", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not context.scene.unveil.workspace:
-            cls.poll_message_set("No workspace is named yet")
+            cls.poll_message_set("No results folder is named yet")
         return bool(context.scene.unveil.workspace)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -90,10 +91,31 @@ class UNVEIL_OT_find_workspace(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         new = blocks.absolute(self.directory)
         if not (new / "workspace.json").is_file():
-            self.report({"ERROR"}, f"{new}: is no workspace (choose the folder that holds workspace.json)")
+            self.report({"ERROR"}, f"{new}: Not a results folder (choose the one that holds workspace.json)")
             return {"CANCELLED"}
         follow(context.scene, blocks.absolute(context.scene.unveil.workspace), new)
         return {"FINISHED"}
 
 
+def _typed(settings: Any) -> None:
+    """A folder named by hand that holds results of this drive: a run goes on with what they were made with."""
+    place = blocks.absolute(settings.workspace)
+    try:
+        known, made = recorded_drive(place), recorded_settings(place)
+    except (OSError, ValueError):
+        return  # told when it is opened
+    if not known or (settings.drive and other_drive(blocks.absolute(settings.drive), known)):
+        return
+    adopt(settings, made)
+    settings.drive = settings.drive or known
+
+
 CLASSES = (UNVEIL_OT_load_workspace, UNVEIL_OT_find_workspace)
+
+
+def register() -> None:
+    ON_TYPED.append(_typed)
+
+
+def unregister() -> None:
+    ON_TYPED.remove(_typed)

@@ -82,7 +82,7 @@ def make_drive(arguments: list[str]) -> Path:
 def _imported(path: Path) -> None:
     """Bring a file's cameras, empties and meshes into the scene, in the place of what a new file has."""
     if not path.is_file() or path.suffix.lower() not in KINDS:
-        raise ShotError(f"{path}: is no file of a camera (use {', '.join(KINDS)})")
+        raise ShotError(f"{path}: Not a file of a camera (use {', '.join(KINDS)})")
     if not bpy.data.filepath:
         bpy.data.batch_remove(list(bpy.data.objects))
     name = str(path.absolute())
@@ -115,7 +115,7 @@ def _camera(name: str | None, scene: bpy.types.Scene) -> bpy.types.Object:
 def _with_plates(scene: bpy.types.Scene, plate: Path, start: int | None) -> None:
     """All plates of a picture's sequence behind the camera; frames are their numbers, unless ``start`` is that of the first."""
     if not plate.is_file():
-        raise ShotError(f"{plate}: is no picture: give one of the sequence, as plate.1001.exr")
+        raise ShotError(f"{plate}: Not found: give a picture of the sequence, as plate.1001.exr")
     if number_in(plate) is None:
         raise ShotError(f"{plate}: has no number in its name: give a picture of a sequence, as plate.1001.exr")
     numbers = numbers_like(plate)

@@ -122,7 +122,7 @@ def wheels_folder(named: str, wanted: str) -> Path | None:
         return None
     folder = Path(_of_the_user(named, "Folder of Wheels")).expanduser()
     if not folder.is_dir():
-        raise LookupError(f"{folder}: there is no such folder of wheels")
+        raise LookupError(f"{folder}: Not a folder of wheels")
     if not any(folder.glob("*.whl")):
         raise LookupError(f"{folder} has no wheels: fill it with `make wheels FOLDER=…`, or empty Folder of Wheels")
     if "://" in wanted:

@@ -228,7 +228,7 @@ def check(candidate: Candidate, *, full: bool = True, timeout_s: float = 120, wo
     elif problem and not facts:
         problem = f"this Python does not start: {problem}"
     elif facts.get("problem"):
-        problem = f"unveil_core is not there ({facts['problem']})"
+        problem = f"Not found: unveil_core ({facts['problem']})"
     elif _numbers(facts.get("unveil")) < LEAST_UNVEIL:
         problem = f"unveil {facts.get('unveil')} is too old, this add-on needs {'.'.join(map(str, LEAST_UNVEIL))}"
     elif full:

@@ -26,7 +26,7 @@ __all__ = ["Job", "end_all", "own_folder", "unveil_command", "unveil_job", "work
 
 DRAIN_S = 0.002
 """Longest time that one drain takes: a tick of the interface has 0.02 s for all it does."""
-GENTLE_S = 1.2
+GENTLE_S = 1.0
 """What a cancelled worker has to end by itself, before its whole group is killed: with that it is gone within two seconds."""
 BEHIND_BLENDER = 5
 """Niceness of the work: it takes all processors, and an artist's hand goes first."""

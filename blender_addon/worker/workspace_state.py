@@ -22,8 +22,8 @@ __all__ = ["SOLVING", "STAGES", "StageState", "WorkspaceState", "read", "stages_
 
 STAGES = {
     "import": "Import",
-    "objects": "Find objects",
-    "segment": "Labels, dynamic objects",
+    "objects": "Find Objects",
+    "segment": "Labels, Motion",
     "choose": "Choose",
     "reconstruct": "Reconstruct",
     "ground": "Ground",
@@ -108,11 +108,11 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
         data = json.loads(read_bytes(root / "workspace.json", LARGEST_STATE))
         recorded = {str(name): _entry(entry) for name, entry in data.get("stages", {}).items()}
     except FileNotFoundError:
-        return _none(root, "There is no workspace yet")
+        return _none(root, "No results yet")
     except OSError as error:
-        return _none(root, f"{root}: cannot be read: {error.strerror}")
+        return _none(root, f"{root}: Not readable: {error.strerror}")
     except (ValueError, AttributeError, TypeError, RecursionError):
-        return _none(root, f"{root / 'workspace.json'}: is damaged (run again into a new folder)")
+        return _none(root, f"{root / 'workspace.json'}: Damaged (run again into a new folder)")
     # Asked for only where it matters: whoever looks holds the lock himself for a moment.
     in_use = any(entry.get("status") == "running" for entry in recorded.values()) and _in_use(root)
     stages: dict[str, StageState] = {}

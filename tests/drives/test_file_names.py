@@ -76,3 +76,9 @@ def test_photographs_may_have_names_as_long_as_the_system_allows(tmp_path: Path)
     assert sorted(f.image_path.read_bytes() for f in frames) == sorted(
         p.read_bytes() for p in (path.parent / "images").iterdir()
     )
+
+
+def test_an_import_that_is_gone_is_told_once(tmp_path: Path) -> None:
+    with pytest.raises(DriveError) as told:
+        read_imported(tmp_path)
+    assert str(told.value) == f"{tmp_path / 'cameras.json'}: Not found (run `unveil import` again)"

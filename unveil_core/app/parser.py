@@ -353,8 +353,10 @@ def _add_completion(verbs: _Verbs) -> None:
 
 def _add_bench(verbs: _Verbs) -> None:
     p = verbs.add_parser("bench", help="measure the rasterizer, a training step, a reconstruction or whole runs")
-    p.add_argument("what", choices=("raster", "step", "reconstruction", "pipeline"))
-    p.add_argument("drive", type=Path, nargs="?", default=None, help="with a truth; the sample street by default")
+    p.add_argument("what", choices=("raster", "step", "reconstruction", "pipeline", "run"))
+    p.add_argument(
+        "drive", type=Path, nargs="?", default=None, help="with a truth, but for run; the sample street by default"
+    )
     p.add_argument("--quality", default="standard", choices=QUALITIES, help="of the runs (standard)")
     p.add_argument("--every", type=int, default=8, metavar="N", help="hold every n-th frame out (8)")
     p.add_argument(
@@ -374,6 +376,13 @@ def _add_bench(verbs: _Verbs) -> None:
         "--scene", type=Path, default=None, metavar="WORKSPACE", help="where the rows' scene is, or is to be kept"
     )
     p.add_argument("--keep", type=Path, default=None, metavar="DIR", help="for the frames of each row")
+    p.add_argument(
+        "--until",
+        choices=tuple(STAGE_VERBS),
+        default=None,
+        metavar="STAGE",
+        help="the last stage of a run; all by default",
+    )
     for name in ("inpainter", "reference_inpainter"):  # of all rows
         add_setting(p, name)
     p.set_defaults(inpainter="exemplar", reference_inpainter=None)

@@ -63,6 +63,8 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
             sources=(path, folder / "points.ply"),
         )
+    except FileNotFoundError as error:
+        raise DriveError("Not found", path=Path(error.filename or path), mend="run `unveil import` again") from error
     except (OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise DriveError(f"Not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
 

@@ -21,6 +21,7 @@ from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing.colours import colours_of_footage, looked_at
 from unveil_core.exports.mapping.epsg import wkt_of
+from unveil_core.exports.splats.shortened import shortened
 from unveil_core.mesh import Mesh, decimate, read_ply
 from unveil_core.semantics.classes import VOID
 from unveil_core.semantics.instances import Box
@@ -99,21 +100,25 @@ class Job:
 
     @cached_property
     def scene(self) -> Surfels:
-        """The surfels of the state, in local coordinates.
+        """The surfels of the state for other programs, in local coordinates, see :meth:`for_viewers`.
 
         Raises:
             WorkspaceError: they are not there yet.
         """
-        return self.full if self.state == "full" else self.surfels(self.state)
+        return self.for_viewers(self.full if self.state == "full" else self.surfels(self.state))
 
     @cached_property
     def full(self) -> Surfels:
-        """The surfels with everything in them."""
+        """The surfels with everything in them, as they are."""
         return self.surfels("full")
 
     def surfels(self, state: str) -> Surfels:
-        """The surfels of a state, see :attr:`scene`."""
+        """The surfels of a state as they are."""
         return read_surfels(scene_file(self.workspace, state))
+
+    def for_viewers(self, surfels: Surfels) -> Surfels:
+        """Surfels for programs that show them from anywhere, see :func:`unveil_core.exports.splats.shortened.shortened`."""
+        return shortened(surfels, np.array([f.camera.centre for f in self.drive.frames]).reshape(-1, 3))
 
     @cached_property
     def mesh(self) -> Mesh:

@@ -57,13 +57,13 @@ def read_doubts(workspace: Path) -> Doubts:
         told = data.get("coverage") or {}
         return Doubts(frames, _share(told.get("removed")), _share(told.get("seen_elsewhere_of_removed")))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise ValueError(f"{path}: is damaged: {error} (run the stage Report again)") from error
+        raise ValueError(f"{path}: Damaged: {error} (run the stage Report again)") from error
 
 
 def _frame(entry: Any) -> DoubtfulFrame:
     doubt, removed = entry["unobserved_pixels"], entry["removed_pixels"]
     if not all(isinstance(v, int) and v >= 0 for v in (doubt, removed)):
-        raise ValueError("a number of pixels is none")
+        raise ValueError("a number of pixels is not a number")
     return DoubtfulFrame(file_name(str(entry["camera"])), file_name(str(entry["frame"])), doubt, removed)
 
 
@@ -71,5 +71,5 @@ def _share(value: Any) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
-        raise ValueError(f"{value!r} is no share")
+        raise ValueError(f"{value!r} is not a share from 0 to 1")
     return float(value)

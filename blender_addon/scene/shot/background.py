@@ -138,4 +138,4 @@ def _size_of(file: Path) -> tuple[int, int]:
 
 def _check(name: str, file: Path, size: Sequence[int]) -> None:
     if min(size) < 1:
-        raise ShotError(f"The pictures of {name} cannot be read, as {file}: find them again (File > External Data)")
+        raise ShotError(f"Not readable: pictures of {name}, as {file}: find them again (File > External Data)")

@@ -41,7 +41,7 @@ def check_camera(scene: bpy.types.Scene, size: tuple[int, int]) -> bpy.types.Obj
     if camera is None:
         raise ShotError("The scene has no active camera: select the shot's camera and press Ctrl Numpad 0")
     if camera.type != "CAMERA" or camera.data.type != "PERSP":
-        raise ShotError(f"{camera.name} is no perspective camera: set its lens type to Perspective")
+        raise ShotError(f"Not a perspective camera: {camera.name} (set its lens type to Perspective)")
     off = abs(size[0] * render.resolution_y / (size[1] * render.resolution_x) - 1)
     if off > SAME_SHAPE:
         raise ShotError(

@@ -90,7 +90,8 @@ class UNVEIL_MT_main(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        layout.operator("unveil.open_drive", text="Import Footage…", icon="IMPORT")
+        layout.operator("unveil.open_drive", text="Import Street Drive…", icon="IMPORT")
+        layout.operator("unveil.import_footage", text="Import Footage…", icon="FILE_MOVIE")
         layout.operator("unveil.use_shot", icon="CAMERA_DATA")
         layout.operator("unveil.load_workspace", text="Open Results…", icon="FILE_FOLDER").ask = True
         layout.operator("unveil.find_workspace")

@@ -98,13 +98,13 @@ class UNVEIL_OT_open_report(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         there = bool(context.scene.unveil.workspace)
         if not there:
-            cls.poll_message_set("There are no results yet: press Unveil first")
+            cls.poll_message_set("No results yet: press Unveil first")
         return there
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         page = report_lines.page_of(context.scene)
         if not page.is_file():
-            self.report({"ERROR"}, f"{page}: is not there yet (run Unveil to its end)")
+            self.report({"ERROR"}, f"{page}: Not made yet (run Unveil to its end)")
             return {"CANCELLED"}
         bpy.ops.wm.url_open(url=page.as_uri())
         return {"FINISHED"}
@@ -118,8 +118,7 @@ class UNVEIL_OT_dismiss(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         status_bar.dismiss()
-        for window in context.window_manager.windows:
-            window.workspace.status_text_set_internal(None)
+        status_bar.redraw_bars()
         return {"FINISHED"}
 
 

@@ -55,7 +55,7 @@ class UNVEIL_OT_deliver(JobOperator, bpy.types.Operator):
     def arguments(self, context: bpy.types.Context) -> list[str]:
         workspace = workspace_of(context.scene)
         if workspace is None:
-            raise UserError("There are no results yet: import footage, or open the folder of results")
+            raise UserError("No results yet: import footage, or open the folder of results")
         return ["export", str(workspace), "--to", self.what, "-o", str(workspace / FOLDER / self.what)]
 
     def task(self, context: bpy.types.Context) -> Task:
@@ -72,13 +72,13 @@ class UNVEIL_OT_open_results_folder(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         there = bool(context.scene.unveil.workspace)
         if not there:
-            cls.poll_message_set("There are no results yet: press Unveil first")
+            cls.poll_message_set("No results yet: press Unveil first")
         return there
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         workspace = workspace_of(context.scene)
         if workspace is None or not workspace.is_dir():
-            self.report({"ERROR"}, f"{workspace}: is no folder (press Unveil, or Find Results)")
+            self.report({"ERROR"}, f"{workspace}: Not found (press Unveil, or Find Results)")
             return {"CANCELLED"}
         bpy.ops.wm.path_open(filepath=str(workspace))
         return {"FINISHED"}

@@ -36,7 +36,7 @@ class UNVEIL_OT_use_mask(MaskJob, bpy.types.Operator):
     def arguments(self, context: bpy.types.Context) -> list[str]:
         mask = _mask_of(self.mask)
         if mask is None:
-            named = f"There is no mask {self.mask}" if self.mask else "There is no mask to take, or more than one"
+            named = f"Not found: the mask {self.mask}" if self.mask else "No mask to take, or more than one"
             raise UserError(f"{named}: draw one in the Movie Clip Editor or Image Editor, mode Mask")
         if not any(len(spline.points) > 2 for layer in mask.layers for spline in layer.splines):
             raise UserError(f"The mask {mask.name} is empty: draw around the object, and close the spline")

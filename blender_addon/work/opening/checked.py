@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...formats.table.run_settings import SHOWN
 from ...worker.job_state import JobState
 
-__all__ = ["Checked", "checked_of"]
+__all__ = ["Checked", "checked_of", "in_words"]
 
+OPTION, SENTENCE = re.compile(r"(?<![\w-])--[a-z][a-z-]*"), re.compile(r"[a-z]+[ ,]")
+LABELS = {setting.option: setting.label for setting in SHOWN}
+CALLED = {"way": "length"}
 MOST = 6
 """Lines of each kind that are shown: the page has all."""
 
@@ -40,12 +45,12 @@ def checked_of(drive: Path, state: JobState) -> Checked:
     told = state.answer.get("check")
     if not isinstance(told, dict):
         error = state.error or "The check ended without an answer (the log tells why)"
-        return Checked(str(drive), error=error, lacks_python=state.exit_code is None)
+        return Checked(str(drive), error=in_words(error), lacks_python=state.exit_code is None)
     facts, assumed, findings = (told.get(name) or () for name in ("facts", "assumed", "findings"))
     return Checked(
         str(drive),
-        facts=tuple((str(key), str(value)) for key, value in dict(facts).items())[:MOST],
-        assumed=tuple(str(line) for line in assumed)[:MOST],
+        facts=tuple((CALLED.get(key, str(key)), str(value)) for key, value in dict(facts).items())[:MOST],
+        assumed=tuple(in_words(str(line)) for line in assumed)[:MOST],
         findings=tuple(_line(finding) for finding in findings)[:MOST],
         asks=any(bool(finding.get("asks")) for finding in findings),
         page=str(told.get("page") or ""),
@@ -53,4 +58,10 @@ def checked_of(drive: Path, state: JobState) -> Checked:
 
 
 def _line(finding: dict[str, object]) -> str:
-    return f"{finding.get('problem', '')} ({finding.get('mend', '')})"
+    return in_words(f"{finding.get('problem', '')} ({finding.get('mend', '')})")
+
+
+def in_words(line: str) -> str:
+    """A line of the command for a dialog: options are called as their fields are, and a sentence begins with a capital."""
+    told = OPTION.sub(lambda found: LABELS.get(found.group(), found.group()), line)
+    return told[:1].upper() + told[1:] if SENTENCE.match(told) else told

@@ -47,7 +47,7 @@ def draw_checked(layout: bpy.types.UILayout, found: Checked | None, drive: str) 
             for i, line in enumerate(_wrapped(text)):
                 column.label(text=line, icon="BLANK1" if i else icon, translate=False)
     if found.page:
-        box.operator("wm.url_open", text="Show Way, Points and Labels", icon="URL").url = Path(found.page).as_uri()
+        box.operator("wm.url_open", text="Show Path, Points and Labels", icon="URL").url = Path(found.page).as_uri()
 
 
 def _wrapped(text: str) -> list[str]:

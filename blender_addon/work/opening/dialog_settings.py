@@ -40,7 +40,7 @@ class DialogSettings:
     """Mix in before ``bpy.types.Operator``."""
 
     workspace: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
+        name="Results Folder", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
     )
     set_up_scene: BoolProperty(**SET_UP_SCENE)
     start_frame: IntProperty(**START_FRAME)
@@ -48,6 +48,11 @@ class DialogSettings:
         name="Every Nth Frame", default=1, min=1, soft_max=20, description="1: all frames of the drive"
     )
     cameras: StringProperty(**CAMERAS)
+    more: BoolProperty(
+        name="Labels, Scale and Up",
+        description="Show what a drive tells by itself where nothing is wrong: its labels, its scale and its up axis",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
 
     def given(self) -> Iterator[tuple[str, Any]]:
         """Name and value of each property of a ``scene.unveil`` that somebody has set here."""
@@ -79,10 +84,19 @@ class DialogSettings:
 
     def draw_settings(self, layout: bpy.types.UILayout) -> None:
         layout.use_property_split, layout.use_property_decorate = True, False
-        for names in DRAWN:
+        for i, names in enumerate(DRAWN):
+            if i == 1:
+                row = layout.row()
+                row.use_property_split = False
+                row.prop(self, "more", toggle=True, icon="TRIA_DOWN" if self.more else "TRIA_RIGHT")
             column = layout.column()
-            for name in names:
+            for name in names if self.more or i == 0 else ():
                 column.prop(self, name)
+
+    def is_asked_more(self) -> bool:
+        """Whether one of the settings that are not shown at first differs from what it usually is."""
+        rest = (name for names in DRAWN[1:] for name in names)
+        return any(getattr(self, name) != TABLE[name].start for name in rest)
 
 
 DialogSettings.__annotations__.update(

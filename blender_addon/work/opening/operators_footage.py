@@ -45,7 +45,7 @@ class UNVEIL_OT_import_footage(JobOperator, bpy.types.Operator, ImportHelper):
         description="Folder that the drive is written to; empty: beside the .blend, or beside the footage",
     )
     workspace: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
+        name="Results Folder", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
     )
     camera_height: FloatProperty(
         name="Camera Height",
@@ -106,9 +106,7 @@ class UNVEIL_OT_import_footage(JobOperator, bpy.types.Operator, ImportHelper):
     def arguments(self, context: bpy.types.Context) -> list[str]:
         footage = _footage_of(blocks.absolute(self.filepath)) if self.filepath else None
         if footage is None or not footage.exists():
-            raise UserError(
-                f"{shown(self.filepath)}: there is no such footage (pick a clip, or a photograph of a folder)"
-            )
+            raise UserError(f"{shown(self.filepath)}: Not found (pick a clip, or a photograph of a folder)")
         options = [f"--lens={self.lens}", f"--every={self.every}", *["--thorough"] * self.thorough]
         for option, value in (("camera-height", self.camera_height), ("speed", self.speed)):
             options += [f"--{option}={value:g}"] if value > 0 else []

@@ -135,6 +135,7 @@ class UNVEIL_OT_import_street(DialogSettings, bpy.types.Operator):
             settings = Overlaid(settings, _properties(made))
         self.fill(context, settings)
         found = self._found()
+        self.more = self.is_asked_more() or (found is not None and bool(found.error or found.findings))
         confirm = "Check Again" if found is not None and found.error else "Import"
         return context.window_manager.invoke_props_dialog(self, width=520, title=self.bl_label, confirm_text=confirm)
 

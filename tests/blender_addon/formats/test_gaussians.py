@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import torch
 
 from blender_addon.formats.gaussians import THIN_M, gaussians_of
 from blender_addon.formats.ply_file import Ply, read_ply
+from unveil_core.exports.splats.shortened import shortened
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.surfels import Surfels
 
@@ -45,6 +47,16 @@ def test_they_are_the_surfels_in_the_scenes_units(file: Path) -> None:
     assert np.allclose(found.base[:, 3], known.opacity_logits.sigmoid().numpy()[chosen], atol=1e-6)
     assert found.harmonics.shape == (8, 3, 3)
     assert np.allclose(found.harmonics, known.sh[:, 1:].numpy()[chosen].transpose(1, 0, 2), atol=1e-6)
+
+
+def test_needles_are_as_short_as_the_command_exports_them(file: Path) -> None:
+    known, cameras = read_surfels(file), np.array([[0.0, 0.0, 0.0], [30.0, 0.0, 0.0]])
+    long = replace(known, means=known.means * 20, log_scales=known.log_scales + torch.tensor([4.0, 0.0]))
+    write_surfels(long, file)
+    exported = shortened(long, cameras).log_scales
+    found = gaussians_of(read_ply(file), 100.0, np.arange(20), cameras)
+    assert (exported != long.log_scales).any(dim=1).sum() > 10
+    assert np.allclose(found.scales[:, :2], exported.exp().numpy() * 100, rtol=1e-5)
 
 
 def changed(ply: Ply, **values: float) -> Ply:

@@ -107,7 +107,7 @@ def test_a_damaged_file_is_one_line_that_names_it(
     finally:
         path.write_text(before)
     line = str(raised.value)
-    assert line.startswith(f"{path}: is damaged: ") and line.endswith(")") and "\n" not in line
+    assert line.startswith(f"{path}: Damaged: ") and line.endswith(")") and "\n" not in line
 
 
 JSON = st.recursive(

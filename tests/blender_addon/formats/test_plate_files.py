@@ -71,7 +71,7 @@ def test_a_lens_has_both_maps_or_none(tmp_path: Path) -> None:
         (lambda d: d.update(cameras=[]), "no attribute"),
         (lambda d: d["cameras"]["front"].pop("9999"), "other frames of front"),
         (lambda d: d["cameras"].pop("front"), "other frames of front"),
-        (lambda d: d["mattes"][0].update(name="../../front"), "no name of a file"),
+        (lambda d: d["mattes"][0].update(name="../../front"), "not a file name"),
         (lambda d: d["mattes"][0].update(name="car_0004"), r"car_0004\.09999\.png is missing"),
         (lambda d: d["mattes"][0].update(id=True), "of no object"),
         (lambda d: d["mattes"][0].update({"class": None}), "of no object"),

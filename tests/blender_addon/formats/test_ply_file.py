@@ -58,7 +58,7 @@ def test_files_are_read_as_they_were_written(tmp_path: Path) -> None:
 )
 def test_damaged_files_are_named(content: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.ply").write_bytes(content)
-    with pytest.raises(ValueError, match=f"a.ply: is no PLY that can be read here: .*{message}"):
+    with pytest.raises(ValueError, match=f"a.ply: Not a PLY that can be read here: .*{message}"):
         read_ply(tmp_path / "a.ply")
 
 

@@ -96,7 +96,7 @@ def test_regions_get_colours_and_keep_their_pixels(tmp_path: Path) -> None:
     shown = cv2.imdecode(np.frombuffer(with_palette(png, REGION_COLORS), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     assert np.array_equal(shown, np.array(REGION_COLORS, np.uint8)[numbers])
     for bad in (b"", b"GIF89a", cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes()):
-        with pytest.raises(ValueError, match="no grey 8-bit PNG"):
+        with pytest.raises(ValueError, match="Not a grey 8-bit PNG"):
             with_palette(bad, REGION_COLORS)
 
 
@@ -116,5 +116,5 @@ def test_regions_in_colour_are_written_once(tmp_path: Path, monkeypatch: pytest.
     in_color(regions, shown)
     assert read == [regions] and (cv2.imread(str(shown))[..., ::-1] == REGION_COLORS[3]).all()
     regions.write_bytes(b"no picture")
-    with pytest.raises(ValueError, match="00.png: is no grey 8-bit PNG"):
+    with pytest.raises(ValueError, match="00.png: Not a grey 8-bit PNG"):
         in_color(regions, shown)

@@ -250,7 +250,7 @@ def test_a_moved_workspace_is_found_by_its_folder(addon, scene, workspace, tmp_p
     new = tmp_path / "far/away"
     new.parent.mkdir()
     workspace.rename(new)
-    with pytest.raises(RuntimeError, match="is no workspace"):
+    with pytest.raises(RuntimeError, match="Not a results folder"):
         bpy.ops.unveil.find_workspace(directory=str(tmp_path))
     assert bpy.ops.unveil.find_workspace(directory=str(new)) == {"FINISHED"}
     assert scene.unveil.workspace == str(new) and addon.module("scene.view").shown_drive(scene) is not None

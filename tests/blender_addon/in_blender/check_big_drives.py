@@ -69,7 +69,7 @@ def test_full_detail_and_back(addon, scene, loaded: Path) -> None:
     assert bpy.ops.unveil.full_detail() == {"FINISHED"}
     assert np.array_equal(places(after.data), shown)
     # A file that is gone or damaged is one line, and what is shown stays.
-    for content, line in ((b"ply\n", "no end"), (None, "holds no mesh of this state")):
+    for content, line in ((b"ply\n", "no end"), (None, "No mesh of this state")):
         path = loaded / "meshes/empty.ply"
         path.unlink() if content is None else path.write_bytes(content)
         with pytest.raises(RuntimeError, match=line):

@@ -69,6 +69,6 @@ def test_cameras_come_back(command, addon, street: Path, workspace: Path, tmp_pa
 
 def test_another_file_is_refused(command, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]
     assert command(["run", "x", "-o", str(tmp_path / "ws"), "--save-cameras", "cameras.obj"]) == 2
-    assert "cameras.obj: is no file of cameras (use .abc" in capfd.readouterr().err
+    assert "cameras.obj: Not a file of cameras (use .abc" in capfd.readouterr().err
     assert command(["doctor", "--save-cameras", "cameras.abc"]) == 2
     assert "--save-cameras goes with the verbs run and import" in capfd.readouterr().err

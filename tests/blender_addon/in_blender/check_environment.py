@@ -94,7 +94,7 @@ def test_offline_a_folder_of_wheels_will_do(addon, chosen, tmp_path: Path) -> No
     chosen.wheels = str(tmp_path / "wheels")
     assert bpy.ops.unveil.create_environment.poll()
     chosen.install_from = str(tiny_wheel(tmp_path, requires=("street-shapes",)))
-    with pytest.raises(RuntimeError, match="there is no such folder of wheels"):
+    with pytest.raises(RuntimeError, match="Not a folder of wheels"):
         bpy.ops.unveil.create_environment()
     tiny_wheel(tmp_path / "wheels", "", "street_shapes", "1.0")
     assert bpy.ops.unveil.create_environment() == {"FINISHED"}

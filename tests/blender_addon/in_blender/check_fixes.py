@@ -41,6 +41,7 @@ def paint(image, where: np.ndarray, color: tuple[float, float, float]) -> None: 
 
 def test_a_painted_frame_is_followed_by_all_others(addon, scene, workspace, tmp_path) -> None:
     import bpy
+    from mathutils import Color
 
     with pytest.raises(RuntimeError):
         bpy.ops.unveil.paint_frame()
@@ -50,6 +51,16 @@ def test_a_painted_frame_is_followed_by_all_others(addon, scene, workspace, tmp_
     assert bpy.ops.unveil.paint_frame() == {"FINISHED"}
     (fix,) = scene.unveil_selection.fixes
     assert (fix.name, fix.track, fix.frame, fix.time) == ("camera, frame 1004", "camera", "03", 1004)
+    removed = picture(workspace / "masks/removed/camera/03.png")[..., 0] > 0.5
+    ground = np.median(before[3][removed], axis=0)
+    shared = getattr(bpy.context.tool_settings.image_paint, "unified_paint_settings", None)
+    shared = shared or bpy.context.tool_settings.unified_paint_settings
+    found = np.array(shared.color)
+    if shared.bl_rna.properties["color"].subtype == "COLOR":  # scene linear
+        found = np.array(Color(found).from_scene_linear_to_srgb())
+    assert (
+        removed.sum() > 50 and np.abs(found - ground).max() < 1 / 255
+    )  # the brush begins with the colour of what was filled
     where = np.zeros((80, 128), bool)
     where[56:66, 50:80] = True  # the road ahead
     paint(fix.image, where, (0.0, 1.0, 0.0))

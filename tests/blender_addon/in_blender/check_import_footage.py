@@ -31,7 +31,7 @@ def test_a_clip_becomes_a_drive_in_the_scene(addon, scene, tmp_path: Path) -> No
 def test_what_is_no_footage_is_one_line(addon, scene, tmp_path: Path) -> None:
     import bpy
 
-    with pytest.raises(RuntimeError, match="there is no such footage"):
+    with pytest.raises(RuntimeError, match="Not found .pick a clip"):
         bpy.ops.unveil.import_footage(filepath=str(tmp_path / "clip.mp4"))
     (tmp_path / "clip.mp4").write_bytes(b"no clip at all" * 100)
     with pytest.raises(RuntimeError, match=r"clip\.mp4") as told:

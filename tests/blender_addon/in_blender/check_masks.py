@@ -66,7 +66,7 @@ def test_a_drawn_mask_becomes_an_object_in_all_frames(addon, scene, workspace) -
 
     bpy.ops.unveil.load_workspace(directory=str(workspace))
     scene.frame_set(1003)
-    with pytest.raises(RuntimeError, match="no mask to take"):
+    with pytest.raises(RuntimeError, match="No mask to take"):
         bpy.ops.unveil.use_mask()
     places = np.array(red_car(workspace / "drive/images/camera/02.png"))
     (left, upper), (right, lower) = places.min(axis=0) - 0.02, places.max(axis=0) + 0.02
@@ -90,7 +90,7 @@ def test_an_empty_mask_is_told(addon, scene, workspace) -> None:
     bpy.data.masks.new("nothing")
     with pytest.raises(RuntimeError, match="mask nothing is empty"):
         bpy.ops.unveil.use_mask(mask="nothing")
-    with pytest.raises(RuntimeError, match="There is no mask elsewhere"):
+    with pytest.raises(RuntimeError, match="Not found: the mask elsewhere"):
         bpy.ops.unveil.use_mask(mask="elsewhere")
 
 

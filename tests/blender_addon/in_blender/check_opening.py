@@ -49,6 +49,14 @@ def test_a_drive_is_looked_at_in_the_workers_process(addon, scene, street: Path)
     assert "128 × 80" in said and found.assumed[0][:30] in said
 
 
+def test_options_of_the_command_are_called_as_the_dialogs_fields(addon) -> None:
+    in_words = addon.module("work.opening.checked").in_words
+    assert in_words("up is taken as z; --up decides") == "Up is taken as z; Up Axis decides"
+    assert in_words("scale is a guess (give --scale 0.3)") == "Scale is a guess (give Units per Metre 0.3)"
+    for line in ("/drives/a--scale.json: --other", "drive/x.json: Not found", ""):
+        assert in_words(line) == line
+
+
 def test_what_is_no_drive_is_one_line_that_the_dialog_shows(addon, scene, tmp_path: Path) -> None:
     import bpy
 

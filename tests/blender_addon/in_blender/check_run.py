@@ -35,9 +35,9 @@ def log(addon) -> str:  # type: ignore[no-untyped-def]
 def test_without_a_drive_nothing_starts(addon, scene) -> None:
     import bpy
 
-    with pytest.raises(RuntimeError, match="There is no drive yet"):
+    with pytest.raises(RuntimeError, match="No drive yet"):
         bpy.ops.unveil.run()
-    with pytest.raises(RuntimeError, match="There is no workspace yet"):
+    with pytest.raises(RuntimeError, match="No results yet"):
         bpy.ops.unveil.stage(stage="mesh")
     assert not addon.module("worker.session").session.busy
 
@@ -66,7 +66,7 @@ def test_a_named_python_that_is_none_is_told(addon, empty) -> None:
             bpy.ops.unveil.run()
     finally:
         chosen.python = ""
-    with pytest.raises(RuntimeError, match="no such Python|No Python|needs"):
+    with pytest.raises(RuntimeError, match="Not a Python|No Python|needs"):
         chosen.python = "/nowhere/python"
         bpy.ops.unveil.check_python()
     chosen.python = ""
@@ -294,7 +294,7 @@ def test_the_panel_draws_in_every_state(addon, empty, monkeypatch) -> None:
     panel_run, next_step = addon.module("ui.panel_run"), addon.module("ui.next_step")
     session = addon.module("worker.session").session
     job_state = addon.module("worker.job_state")
-    assert {"unveil.import_drive", "Footage Chosen"} <= set(drawn(panel_run.UNVEIL_PT_work))
+    assert {"unveil.import_drive", "Drive Chosen"} <= set(drawn(panel_run.UNVEIL_PT_work))
     named, empty.unveil.drive = empty.unveil.drive, ""
     assert {"unveil.open_drive", "Nothing Imported Yet"} <= set(drawn(panel_run.UNVEIL_PT_work))
     empty.unveil.drive = named
@@ -302,7 +302,7 @@ def test_the_panel_draws_in_every_state(addon, empty, monkeypatch) -> None:
     monkeypatch.setattr(python_state, "is_missing", lambda context: True)
     assert next_step.next_step(bpy.context).operator == "unveil.show_preferences"
     monkeypatch.undo()
-    assert "There is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
+    assert "No results yet" in drawn(panel_run.UNVEIL_PT_run)
     session.last = job_state.JobState(
         status="failed", error="frames/03.png: is cut short (copy it again from its source)"
     )

@@ -237,7 +237,7 @@ def test_points_are_vertices_as_photographed(addon, scene, made: Path) -> None:
 def test_a_folder_that_is_no_workspace_is_one_line(addon, scene, tmp_path: Path) -> None:
     import bpy
 
-    with pytest.raises(RuntimeError, match="is no workspace"):
+    with pytest.raises(RuntimeError, match="Not a results folder"):
         bpy.ops.unveil.load_workspace(directory=str(tmp_path))
     with pytest.raises(RuntimeError, match="Not found"):
         bpy.ops.unveil.import_drive(filepath=str(tmp_path / "nowhere.json"))
@@ -459,9 +459,12 @@ def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Pa
         told = {"keyframes": [{"camera": "camera", "frame": frame}]}
         (tmp_path / "ws/inpaint/keyframes.json").write_text(json.dumps(told))
         bpy.ops.unveil.load_workspace()
-        assert {m.name: m.frame for m in scene.timeline_markers} == {"mine": 6, f"Keyframe {frame}": 1001 + int(frame)}
+        assert {m.name: m.frame for m in scene.timeline_markers} == {
+            "mine": 6,
+            f"Fill {1001 + int(frame)}": 1001 + int(frame),
+        }
         kept = {i.name: i.filepath for i in bpy.data.images if str(i.get("unveil_role")).startswith("keyframe:")}
-        assert kept == {f"Keyframe {frame}": str(tmp_path / f"ws/inpainted/camera/{frame}.png")}
+        assert kept == {f"Fill {1001 + int(frame)}": str(tmp_path / f"ws/inpainted/camera/{frame}.png")}
     # A workspace that was moved is the same drive; a second one beside it is another.
     (tmp_path / "ws").rename(tmp_path / "moved")
     bpy.ops.unveil.load_workspace(directory=str(tmp_path / "moved"))

@@ -10,7 +10,7 @@ import pytest
 from conftest import outside
 
 OPTIONS = [
-    "--remove=car", "--per-object=1:grow=4", "--shadows=135.123456789,40.5", "--movers=keep", "--frames=-6:", "--cameras=all",
+    "--remove=car", "--per-object=1:grow=4", "--shadows=off", "--movers=keep", "--frames=-6:", "--cameras=all",
     "--label-classes=cityscapes", "--mask-removes=white", "--sweeps=2", "--pose-convention=opengl", "--scale=1.0123456789",
     "--up=z", "--poses=given", "--quality=draft", "--work-side=96", "--device=cpu", "--memory=512M", "--seed=7",
     "--iterations=60", "--splats=3000", "--sh-degree=0", "--no-adaptation", "--inpainter=telea", "--order=forward", "--keyframes=3",
@@ -67,6 +67,23 @@ def test_no_stage_repeats(addon, scene, imported: Path) -> None:  # type: ignore
     assert "1:grow=9" in " ".join(addon.module("choice.selection").arguments(scene))
     scene.unveil.scale = 1.5
     assert addon.module("work.stage_states").stage_states(scene).stages["import"].changed == ("scale",)
+
+
+def test_a_folder_that_is_typed_brings_its_settings(addon, scene, imported: Path, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    settings = scene.unveil
+    made = json.loads((imported / "workspace.json").read_text())
+    settings.results_folder = str(tmp_path / "nothing")
+    assert settings.workspace == settings.results_folder == str(tmp_path / "nothing") and settings.quality == "standard"
+    settings.results_folder = str(imported)
+    assert (settings.quality, settings.iterations, settings.drive) == ("draft", 60, made["drive"])
+    states = addon.module("work.stage_states").stage_states(scene).stages
+    assert states["import"].state == "done"  # what is chosen comes when the results are opened
+    settings.quality = "high"
+    settings.workspace = str(imported)  # by a script, as after a run: what was changed meanwhile stays
+    assert settings.quality == "high"
+    settings.drive = str(tmp_path)  # another drive
+    settings.results_folder = str(imported)
+    assert settings.quality == "high" and settings.drive == str(tmp_path)
 
 
 def test_every_setting_is_a_property_and_shown(addon, scene) -> None:  # type: ignore[no-untyped-def]

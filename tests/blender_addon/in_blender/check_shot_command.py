@@ -62,10 +62,10 @@ def test_plates_may_be_counted_otherwise(command, alembic, tmp_path: Path) -> No
     ("arguments", "line"),
     [
         (["shot", "FILE"], "-o"),
-        (["shot", "/gone.abc", "-o", "OUT"], "/gone.abc: is no file of a camera (use .abc"),
+        (["shot", "/gone.abc", "-o", "OUT"], "/gone.abc: Not a file of a camera (use .abc"),
         (["shot", "FILE", "-o", "OUT", "--camera", "B"], "has no camera B, but shotcam"),
         (["shot", "FILE", "-o", "OUT"], "shotcam has no pictures behind it"),
-        (["shot", "FILE", "-o", "OUT", "--plates", "/gone.1001.png"], "is no picture: give one of the sequence"),
+        (["shot", "FILE", "-o", "OUT", "--plates", "/gone.1001.png"], "Not found: give a picture of the sequence"),
         (["shot", "FILE", "-o", "OUT", "--fps", "0"], "--fps is 0"),
     ],
 )

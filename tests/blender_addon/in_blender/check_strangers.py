@@ -53,7 +53,7 @@ def test_a_file_that_is_none_is_one_line(addon, scene, workspace, outside_file, 
         path.symlink_to("/dev/zero" if make == "zero" else outside_file)
     if name == "workspace.json":  # it is enough that the panel is drawn
         scene.unveil.workspace = str(workspace)
-        assert "cannot be read" in addon.module("worker.workspace_state").read(workspace).problem
+        assert "Not readable" in addon.module("worker.workspace_state").read(workspace).problem
     with pytest.raises(RuntimeError, match=f"{path.name}|no workspace|workspace"):
         bpy.ops.unveil.load_workspace(directory=str(workspace))
     assert outside_file.read_bytes() == SECRET
@@ -129,10 +129,10 @@ def test_a_blend_that_says_another_file_is_painted_on_is_not_believed(addon, sce
     assert pixels(fix.image).shape == (80, 128, 3)  # is loaded
     paint(fix.image, np_mask(), (0.0, 1.0, 0.0))
     fix.image.filepath_raw = str(outside_file)
-    with pytest.raises(ValueError, match="is not the copy that is painted on"):
+    with pytest.raises(ValueError, match="Not the copy that is painted on"):
         addon.module("choice.fixes").write(scene)
     fix.frame = "../../../bashrc"
-    with pytest.raises(ValueError, match="is no name of a file"):
+    with pytest.raises(ValueError, match="is not a file name"):
         addon.module("choice.fixes").write(scene)
     assert outside_file.read_bytes() == SECRET
 

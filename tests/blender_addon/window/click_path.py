@@ -9,6 +9,7 @@ look at the result before and after. What has to be true is asserted on the way;
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import platform
@@ -20,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 
 from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
-from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
+from tests.blender_addon.window.window import BlenderWindow, arguments, crowded, made_anew  # noqa: E402
 
 PACKAGE = "bl_ext.user_default.unveil"
 LONGEST_CALLBACK_MS, LONGEST_CANCEL_S = 5, 2
@@ -111,13 +112,20 @@ def open_sidebar(window: BlenderWindow) -> None:
 
 def import_drive(window: BlenderWindow, drive: Path) -> None:
     """File > Import > Street drive, by the menu's own search, and the drive's file clicked in the dialog."""
-    window.click(45, 12)
-    window.press("space")
-    window.type("street drive")
-    time.sleep(0.5)
-    window.picture("03_file_import")
-    window.press("Return")
-    window.until("area_of('FILE_BROWSER') is not None and area_of('FILE_BROWSER')[1].spaces.active.params is not None")
+    opened = "area_of('FILE_BROWSER') is not None and area_of('FILE_BROWSER')[1].spaces.active.params is not None"
+    for _ in range(3):  # where other work takes the processors, a menu can open too late for what is typed into it
+        window.click(45, 12)
+        time.sleep(1)
+        window.press("space")
+        window.type("street drive")
+        time.sleep(0.5)
+        window.picture("03_file_import")
+        window.press("Return")
+        with contextlib.suppress(RuntimeError):
+            window.until(opened, 10)
+            break
+        window.press("Escape")
+    window.until(opened)
     params = "area_of('FILE_BROWSER')[1].spaces.active.params"
     window.tell(f"{params}.directory = {str(drive.parent)!r}.encode()")
     time.sleep(1)
@@ -214,7 +222,7 @@ def cancel_once(window: BlenderWindow) -> dict[str, float]:
     said = window.ask("told()")
     assert said[0] == "cancelled", said
     window.picture("10_cancelled")
-    assert took < LONGEST_CANCEL_S, f"the process group ended {took:.2f} s after Cancel"
+    assert took < LONGEST_CANCEL_S * crowded(), f"the process group ended {took:.2f} s after Cancel"
     return {"cancel_to_end_of_group_s": round(took, 3), **callback(window)}
 
 
@@ -292,7 +300,7 @@ def group_of(leader: int) -> list[int]:
 def callback(window: BlenderWindow) -> dict[str, float]:
     """Of the job that has just ended."""
     count, total, longest = window.ask("ticks()")
-    assert 1000 * longest < LONGEST_CALLBACK_MS, f"the longest callback took {1000 * longest:.1f} ms"
+    assert 1000 * longest < LONGEST_CALLBACK_MS * crowded(), f"the longest callback took {1000 * longest:.1f} ms"
     return {
         "callbacks": count,
         "callback_mean_ms": round(1000 * total / count, 3),
@@ -325,6 +333,7 @@ def main() -> int:
         "cores": os.cpu_count(),
         "system": platform.system(),
         "screen": "Xvfb, software OpenGL (llvmpipe)",
+        "load": round(os.getloadavg()[0], 1),
     }
     told = {
         "blender": version,

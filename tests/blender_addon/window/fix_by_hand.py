@@ -59,7 +59,7 @@ def image_on_screen(x, y):
 
 def timed(window: BlenderWindow, button: str, limit_s: float) -> float:
     """Press a button that starts a job, and wait until it has done its work."""
-    window.press_button(button)
+    window.press_button(button, across=0.3)  # the left one of a row of two
     started = time.monotonic()
     window.until("session().busy", 20)
     window.until("not session().busy", limit_s, 0.5)

@@ -61,7 +61,9 @@ def dialog(window: BlenderWindow, folder: Path, street: Path) -> None:
 
 def undone(window: BlenderWindow, folder: Path, street: Path) -> None:
     """Undo amid an import: what it named is named again with its results."""
-    window.tell("bpy.ops.wm.read_homefile(app_template='')")
+    # Right after a file was opened no window is in context; the status bar is drawn anew all the same.
+    bar = "bar = module('ui.status_bar'); bar._drawn = None; bar._tick()"
+    window.tell(f"bpy.ops.wm.read_homefile(app_template=''); {bar}")
     place = folder / "workspace"
     window.ask(f"call('import_drive', filepath={str(street)!r}, workspace={str(place)!r})")
     window.until("session().busy", 20)

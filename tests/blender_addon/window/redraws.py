@@ -54,7 +54,11 @@ def main() -> int:
     with BlenderWindow(given.blender, out, environ={"BLENDER_USER_RESOURCES": str(out / "user")}) as window:
         ready(window, given.extension.absolute(), python)
         window.tell(HELPERS)
-        told = {"blender": window.ask("bpy.app.version_string"), "cores": os.cpu_count()}
+        told = {
+            "blender": window.ask("bpy.app.version_string"),
+            "cores": os.cpu_count(),
+            "load": round(os.getloadavg()[0], 1),
+        }
         regions = {"sidebar_ms": "UI", "view_ms": "WINDOW"}
         told["new_file"] = {name: window.ask(f"drawn_ms({region!r})") for name, region in regions.items()}
         told["load_s"] = window.ask(f"loaded_s({str(workspace.absolute())!r})")

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-__all__ = ["BlenderWindow", "arguments", "made_anew"]
+__all__ = ["BlenderWindow", "arguments", "crowded", "made_anew"]
 
 HERE = Path(__file__).resolve().parent
 PLAIN_WINDOWS = """<openbox_config xmlns="http://openbox.org/3.4/rc">
@@ -44,6 +44,11 @@ def arguments(told: str | None) -> argparse.ArgumentParser:
     parser.add_argument("--python", default=sys.executable, help="interpreter with unveil_core's dependencies")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of pictures and figures, made anew")
     return parser
+
+
+def crowded() -> float:
+    """How many times longer things may take than on an idle machine: all wait for a processor, Blender, too."""
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 def made_anew(folder: Path) -> Path:

@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT))
 from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.click_path import LONGEST_CALLBACK_MS, group_of, open_sidebar  # noqa: E402
 from tests.blender_addon.window.no_lost_work import ended, ready  # noqa: E402
-from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
+from tests.blender_addon.window.window import BlenderWindow, arguments, crowded, made_anew  # noqa: E402
 
 CONFIGURATION = """ocio_profile_version: 2
 strictparsing: false
@@ -151,7 +151,7 @@ def usable(window: BlenderWindow, saves: Path) -> dict[str, object]:
     took = time.monotonic() - pressed
     ended(window, "cancelled")
     count, total, longest = window.ask("ticks()")
-    assert 1000 * longest < LONGEST_CALLBACK_MS, f"the longest callback took {1000 * longest:.1f} ms"
+    assert 1000 * longest < LONGEST_CALLBACK_MS * crowded(), f"the longest callback took {1000 * longest:.1f} ms"
     answers.sort()
     return {
         "autosave_after_s": round(saved, 1),
@@ -240,7 +240,13 @@ def main() -> int:
         measured = usable(window, out / "saves")
         undone(window, out / "street/transforms.json")
         linked(window, out / "library.blend", out / "street_unveiled")
-    told = {"blender": version, "cores": os.cpu_count(), "configuration": "without a view Standard", **measured}
+    told = {
+        "blender": version,
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 1),
+        "configuration": "without a view Standard",
+        **measured,
+    }
     (out / "working_day.json").write_text(json.dumps(told, indent=2) + "\n")
     print(json.dumps(told, indent=2))
     return 0

@@ -287,7 +287,7 @@ def test_a_folder_of_wheels_is_enough_and_may_have_a_local_build_of_torch(
 
 def test_the_folder_of_wheels_is_looked_at_before_anything_starts(tmp_path: Path) -> None:
     assert environment.wheels_folder(" ", "unveil") is None
-    with pytest.raises(LookupError, match="no such folder"):
+    with pytest.raises(LookupError, match="Not a folder of wheels"):
         environment.wheels_folder(str(tmp_path / "none"), "unveil")
     with pytest.raises(LookupError, match="has no wheels"):
         environment.wheels_folder(str(tmp_path), "unveil")

@@ -125,7 +125,7 @@ def test_the_free_disk_is_that_of_the_workspace_to_be(tmp_path: Path) -> None:
 def test_what_is_wrong_is_one_line_with_its_mend(tmp_path: Path) -> None:
     venv.create(tmp_path / "bare", with_pip=False, symlinks=True)
     bare = check(Candidate(venv_python(tmp_path / "bare"), "bare"))
-    assert not bare.ok and "unveil_core is not there (ModuleNotFoundError" in bare.problem
+    assert not bare.ok and "Not found: unveil_core (ModuleNotFoundError" in bare.problem
     assert bare.lines()[-1].endswith("(press Install, or name another Python under Advanced)")
     broken = check(Candidate(fake(tmp_path / "broken"), "broken"))
     assert not broken.ok and broken.problem.startswith("this Python does not start: exit code 3")

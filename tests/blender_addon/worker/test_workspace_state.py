@@ -98,8 +98,8 @@ def test_a_broken_off_attempt_with_other_settings_leaves_the_result_done(root: P
 
 def test_no_workspace_and_a_damaged_one(tmp_path: Path) -> None:
     state = read(tmp_path / "none")
-    assert not state.exists and state.problem == "There is no workspace yet" and set(state.stages) == set(STAGES)
+    assert not state.exists and state.problem == "No results yet" and set(state.stages) == set(STAGES)
     (tmp_path / "workspace.json").write_text('{"stages": ')
-    assert "is damaged" in read(tmp_path).problem
+    assert "Damaged" in read(tmp_path).problem
     (tmp_path / "workspace.json").write_text(json.dumps([1]))
-    assert "is damaged" in read(tmp_path).problem
+    assert "Damaged" in read(tmp_path).problem

@@ -35,7 +35,7 @@ def write_objects(job: Job, folder: Path) -> None:
     for done, entry in enumerate(removed):
         own = np.flatnonzero(instances == entry["id"])
         name = f"{object_name(entry)}.ply"
-        write_splats(job, full.select(torch.from_numpy(own)), instances[own], folder / name)
+        write_splats(job, job.for_viewers(full.select(torch.from_numpy(own))), instances[own], folder / name)
         told: dict[str, Any] = {key: entry[key] for key in KEPT if key in entry}
         box = entry["box"]
         if box is not None:

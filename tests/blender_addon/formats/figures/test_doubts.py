@@ -44,5 +44,5 @@ def test_before_the_report_nothing_is_told(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_damaged_is_one_line_that_names_the_file(tmp_path: Path, content: object) -> None:
-    with pytest.raises(ValueError, match=r"metrics\.json: is damaged: .*run the stage Report again"):
+    with pytest.raises(ValueError, match=r"metrics\.json: Damaged: .*run the stage Report again"):
         read_doubts(write(tmp_path, content))
