@@ -21,7 +21,8 @@ from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.points import read_points, write_points
 from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.optimize.exposure import fit_exposures
-from unveil_core.optimize.reconstruct import ReconstructSettings, reconstruct
+from unveil_core.optimize.presets import ReconstructSettings
+from unveil_core.optimize.reconstruct import reconstruct
 from unveil_core.optimize.start import StartSettings
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.semantics.labels import choose_labels

@@ -1,14 +1,15 @@
 """Objects by three clicks (``unveil mask``), outlined in all frames, against the truth.
 
-    python benchmarks/input/clicks.py [--data DIR] [--workspace WORKSPACE] [--sheets DIR]
+    python benchmarks/input/clicks.py [--only NAME,…] [--data DIR] [--workspace WORKSPACE] [--solved DRIVE] [--sheets DIR]
 
 Each car of a scene that stands still and is seen in at least five frames with more than 400 pixels (of 384x256, more in larger
-pictures) is clicked three times in the
-frame that shows it whole and largest: at random, well inside of its pixels, far from each other; so often with other numbers. The
-intersection over union of its mattes and the true instance maps is taken by frame, of those with more than 400 pixels, and of all
-frames together. The parked street and the country road have exact truth. ``--data`` names a folder with ``pandaset/002``: there the
-truth is approximate, labels that follow from annotated boxes and LiDAR points. ``--workspace`` names one of the parked street that
-is reconstructed: its surfels are clicked, too. ``--sheets`` gets contact sheets. Writes benchmarks/results/clicks.json.
+pictures) is clicked three times in the frame that shows it whole and largest: at random, well inside of its pixels, far from each
+other; so often with other numbers. The intersection over union of its mattes and the true instance maps is taken by frame, of those
+with more than 400 pixels, and of all frames together. The parked street and the country road have exact truth, and so has the
+phone's clip, whose cameras and points ``unveil solve`` finds first (``--solved``: a drive that it made of the whole clip before).
+``--data`` names a folder with ``pandaset/002``: there the truth is approximate, labels that follow from annotated boxes and LiDAR
+points. ``--workspace`` names one of the parked street that is reconstructed: its surfels are clicked, too. ``--sheets`` gets
+contact sheets. Writes benchmarks/results/clicks.json.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from sample_scenes.generators.phone_clip import film, street  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.drives import open_drive  # noqa: E402
 from unveil_core.drives.drive import Drive  # noqa: E402
@@ -37,10 +39,13 @@ from unveil_core.marking.asked.said import Said, SaidObject  # noqa: E402
 from unveil_core.marking.mark import mark  # noqa: E402
 from unveil_core.pipeline.run import run  # noqa: E402
 from unveil_core.pipeline.settings import RunSettings  # noqa: E402
+from unveil_core.solve.settings import SolveSettings  # noqa: E402
+from unveil_core.solve.solve import solve  # noqa: E402
 
 RESULT = ROOT / "benchmarks/results/clicks.json"
 LEAST_PX, LEAST_FRAMES, CLICKS, DRAWS = 400, 5, 3, 3
 PANDASET_FRAMES, PANDASET_SIDE = "20:80:4", 768
+PHONE_FRAMES = ":60:3"
 SAMPLES = {name: ROOT / "sample_scenes" / name for name in ("parked_street", "country_road")}
 
 
@@ -150,6 +155,23 @@ def of_sample(name: str, sheets: Path | None, workspace: Path | None = None) -> 
     return summed_up(measured(source, drive, maps, seen_enough(maps, cars), RunSettings(), sheets))
 
 
+def of_phone(solved: Path | None, sheets: Path | None) -> dict[str, object]:
+    """The clip as a user has it: solved from its pictures, and clicked in them."""
+    clip = ROOT / "sample_scenes/phone_clip"
+    phone = film.Phone()
+    with tempfile.TemporaryDirectory() as scratch:
+        if solved is None:
+            height = json.loads((clip / "truth.json").read_text())["camera_height"]
+            known = SolveSettings(labels=clip / "labels", camera_height=height)
+            solved = solve([clip / "clip.mp4"], Path(scratch) / "phone_clip", known).drive
+        settings = RunSettings(frames=PHONE_FRAMES)
+        drive = open_drive(solved, settings.drive_options)
+        boxes = street.make_street().arrays(crowded=True)
+        maps = [film.things(phone, boxes, int(f.name) / phone.rate) for f in drive.frames]
+        cars = {int(n) for n, kind in zip(boxes[6], boxes[5], strict=True) if n and kind == street.CAR_CLASS}
+        return summed_up(measured(solved, drive, maps, seen_enough(maps, sorted(cars)), settings, sheets))
+
+
 def of_pandaset(folder: Path, sheets: Path | None) -> dict[str, object]:
     settings = RunSettings(frames=PANDASET_FRAMES, work_side=PANDASET_SIDE)
     with tempfile.TemporaryDirectory() as scratch:
@@ -164,16 +186,22 @@ def of_pandaset(folder: Path, sheets: Path | None) -> dict[str, object]:
 
 def main() -> None:
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--only", help="some of parked_street, country_road, phone_clip, pandaset; all by default")
     p.add_argument("--data", type=Path)
+    p.add_argument("--solved", type=Path)
     p.add_argument("--workspace", type=Path)
     p.add_argument("--sheets", type=Path)
     arguments = p.parse_args()
     result: dict[str, object] = {"machine": machine(), "clicks": CLICKS, "draws": DRAWS, "least_px": LEAST_PX}
+    wanted = (arguments.only or ",".join([*SAMPLES, "phone_clip", "pandaset"])).split(",")
     for name in SAMPLES:
-        result[name] = of_sample(name, arguments.sheets)
+        if name in wanted:
+            result[name] = of_sample(name, arguments.sheets)
+    if "phone_clip" in wanted:
+        result["phone_clip"] = of_phone(arguments.solved, arguments.sheets)
     if arguments.workspace is not None:
         result["parked_street, reconstructed"] = of_sample("parked_street", arguments.sheets, arguments.workspace)
-    if arguments.data is not None:
+    if arguments.data is not None and "pandaset" in wanted:
         result["pandaset 002, approximate truth"] = of_pandaset(arguments.data / "pandaset/002", arguments.sheets)
     before = json.loads(RESULT.read_text()) if RESULT.is_file() else {}
     RESULT.write_text(json.dumps({**before, **result}, indent=1) + "\n")

@@ -64,6 +64,7 @@ def clicks() -> str:
         "parked_street": "parked street",
         "parked_street, reconstructed": "parked street, scene reconstructed at `draft`",
         "country_road": "country road",
+        "phone_clip": "phone clip, solved from its pictures",
         "pandaset 002, approximate truth": "PandaSet 002, approximate truth",
     }
     document = results("clicks")

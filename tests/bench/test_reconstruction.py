@@ -13,7 +13,7 @@ from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError
 from unveil_core.bench import reconstruction
 from unveil_core.bench.reconstruction import bench_reconstruction, unobserved_mask
-from unveil_core.optimize.reconstruct import ReconstructSettings
+from unveil_core.optimize.presets import ReconstructSettings
 from unveil_core.optimize.start import StartSettings
 
 

@@ -86,6 +86,15 @@ def test_a_click_on_a_pane_is_not_the_car_before_it() -> None:
     assert 12 in clicked_points(points, beside, clicks, 768)[0]
 
 
+def test_clicks_on_one_end_of_a_car_mean_all_of_it() -> None:
+    """A pick-up beside a hedge: few points join its bed with its cab, and all clicks are on its tail."""
+    bed, cab = shell((0.0, 0.0, 0.1), (1.3, 1.8, 1.1)), shell((1.45, 0.0, 0.1), (4.6, 1.8, 1.5))
+    points, of = scene(bed, cab, shell((0.8, 2.05, 0.1), (12.0, 3.2, 2.4)), colours=(0.5, 0.5, 0.3))
+    tail = [(0.0, 0.4, 0.6), (0.0, 1.2, 0.9), (0.0, 0.8, 0.4)]
+    found = cluster_around(points, *clicked(points, tail), np.zeros(0, np.int64))
+    assert found[of < 2].mean() > 0.9 and found[of == 2].mean() < 0.05
+
+
 def test_the_ground_is_never_taken() -> None:
     x, y = np.meshgrid(np.arange(-5, 10, 0.2), np.arange(-5, 5, 0.2))
     ground = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1), np.tile([0.0, 0.0, 1.0], (x.size, 1))

@@ -23,7 +23,8 @@ from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.in_blocks import BlockwiseReconstruction, block_of_drive
-from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings
+from unveil_core.optimize.presets import ReconstructSettings
+from unveil_core.optimize.reconstruct import Reconstruction
 from unveil_core.optimize.start import StartSettings
 from unveil_core.semantics.labels import SceneLabels, choose_labels
 

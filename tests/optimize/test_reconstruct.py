@@ -18,7 +18,8 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings
-from unveil_core.optimize.reconstruct import MANY_FRAMES, PRESETS, Reconstruction, ReconstructSettings, reconstruct
+from unveil_core.optimize.presets import MANY_FRAMES, PRESETS, ReconstructSettings
+from unveil_core.optimize.reconstruct import Reconstruction, reconstruct
 from unveil_core.optimize.start import StartSettings
 from unveil_core.semantics.labels import choose_labels
 

@@ -14,7 +14,7 @@ from tests.small_street import FRAMES, make_small_street
 from unveil_core.app.cli import main
 from unveil_core.bench.pipeline import NEEDS_WEIGHTS, bench_pipeline
 from unveil_core.bench.rows import ROWS
-from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings
+from unveil_core.optimize.presets import PRESETS, ReconstructSettings
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, ReoptimizeSettings
 from unveil_core.optimize.start import StartSettings
 from unveil_core.pipeline.settings import RunSettings

@@ -26,16 +26,13 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, TypeVar
 
-__all__ = ["EXACT", "FAST", "INLINED", "ThreadErrors", "each", "in_parallel", "thread_count", "threads", "works_alone"]
+__all__ = ["EXACT", "FAST", "ThreadErrors", "each", "in_parallel", "thread_count", "threads", "works_alone"]
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 FAST: dict[str, Any] = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
 """How numba compiles a kernel for :func:`in_parallel` whose sums may be taken in any order."""
-INLINED: dict[str, Any] = {**FAST, "cache": False, "forceinline": True}
-"""How a part of such kernels is compiled that they call: into each of them. It is not kept for itself: numba's cache looks at a
-function's own file alone, and would go on with what it was made of from others."""
 EXACT: dict[str, Any] = {"cache": True, "nogil": True}
 """How numba compiles a kernel for :func:`in_parallel` that rounds as it is written."""
 

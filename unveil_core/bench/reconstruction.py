@@ -34,7 +34,8 @@ from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
 from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
-from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
+from unveil_core.optimize.presets import PRESETS, ReconstructSettings
+from unveil_core.optimize.reconstruct import reconstruct
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.raster import render
 from unveil_core.remove.selection import select_removed

@@ -30,7 +30,8 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.grid import PointGrid
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.blocks import Block, Blocks
-from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings, reconstruct, sky_of_labels
+from unveil_core.optimize.presets import ReconstructSettings
+from unveil_core.optimize.reconstruct import Reconstruction, reconstruct, sky_of_labels
 from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.sky import Sky

@@ -22,7 +22,8 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.evaluate import FREE_REGIONS, METHODS
 from unveil_core.report.chart import psnr_chart
 from unveil_core.report.collect import MeshPictures, Shown, gather, understood
-from unveil_core.report.command import name_of_path, repeating_command
+from unveil_core.report.command import repeating_command
+from unveil_core.report.of_run import assumption_rows, setting_rows, stages_part, timed
 from unveil_core.report.pictures import REGION_NAMES
 from unveil_core.report.provenance import certainty_cards, mode_legend, origin_shares
 from unveil_core.report.scene.parts import inert_json, map_part, scene_part
@@ -33,13 +34,11 @@ from unveil_core.report.wording import (
     detail,
     detail_rows,
     left_most,
-    memory,
     movers,
     percent,
     seconds,
     similarity,
 )
-from unveil_core.workspace.assumptions import recorded_assumptions
 
 __all__ = ["build_page", "write_report"]
 
@@ -109,9 +108,9 @@ def build_page(shown: Shown) -> str:
         meshes=_meshes(shown.meshes),
         objects=[_object(entry) for entry in objects],
         more_objects=len(shown.instances) - len(objects),
-        assumptions=_assumptions(shown),
-        stages=_stages(shown),
-        settings=_settings(shown),
+        assumptions=assumption_rows(shown),
+        stages=stages_part(shown),
+        settings=setting_rows(shown),
         command=repeating_command(shown.state, shown.workspace),
     )
 
@@ -209,7 +208,7 @@ def _numbers(shown: Shown) -> list[tuple[str, str]]:
         text = "not one" if untouched["max"] == 0 else f"up to {untouched['max']} levels"
         note = "pixel outside the masks changed" if untouched["max"] == 0 else "of change outside the masks"
         cards.append((text.capitalize(), note))
-    stages = _timed(shown)
+    stages = timed(shown)
     if stages:
         cards.append((seconds(sum(s["seconds"] for _, s in stages)), "computing time of all stages"))
     return cards
@@ -352,53 +351,3 @@ def _box_size(box: Any) -> str:
     if not isinstance(size, Sequence) or len(size) != 3:
         return ""
     return " × ".join(f"{float(v):.1f}" for v in size) + " m"
-
-
-def _timed(shown: Shown) -> list[tuple[str, dict[str, Any]]]:
-    stages = shown.state.get("stages", {})
-    return [(n, s) for n, s in stages.items() if isinstance(s, dict) and isinstance(s.get("seconds"), int | float)]
-
-
-def _stages(shown: Shown) -> Part | None:
-    stages = _timed(shown)
-    if not stages:
-        return None
-    longest = max(s["seconds"] for _, s in stages) or 1.0
-    rows = []
-    for name, stage in stages:
-        peak = stage.get("peak_memory_mb")
-        rows.append(
-            {
-                "name": name,
-                "share": f"{100 * stage['seconds'] / longest:.1f}",
-                "time": seconds(stage["seconds"]),
-                "memory": memory(peak) if isinstance(peak, int | float) else "",
-            }
-        )
-    peaks = [s["peak_memory_mb"] for _, s in stages if isinstance(s.get("peak_memory_mb"), int | float)]
-    lead = f"{seconds(sum(s['seconds'] for _, s in stages))} in all"
-    lead += f", at most {memory(max(peaks))} of memory." if peaks else "."
-    return {"lead": lead, "rows": rows}
-
-
-def _assumptions(shown: Shown) -> list[tuple[str, str]]:
-    found = [a for _, a in recorded_assumptions(shown.state.get("stages", {}))]
-    return [(a.name, f"{'yes' if a.holds else 'no'}: {a.found}" + ("" if a.holds else f"; {a.instead}")) for a in found]
-
-
-def _settings(shown: Shown) -> list[tuple[str, str]]:
-    settings = shown.state.get("settings", {})
-    given = {k: v for k, v in settings.items() if v not in (None, []) or k == "remove"}
-    rows: list[tuple[str, str]] = [(str(k).replace("_", " "), _value(v)) for k, v in given.items()]
-    if "remove" in settings and not settings["remove"] and not settings.get("instances"):
-        rows = [(k, "all that can be removed" if k == "remove" else v) for k, v in rows]
-    rows += [(f"version of {k}", _value(v)) for k, v in shown.state.get("versions", {}).items()]
-    if shown.state.get("drive"):
-        rows.insert(0, ("drive", name_of_path(str(shown.state["drive"]), of_drive=True)))
-    return rows
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return ", ".join(name_of_path(str(v)) for v in value) or "–"
-    return "–" if value is None else name_of_path(str(value))

@@ -10,7 +10,7 @@ import numpy as np
 from sample_scenes.generators.phone_clip.street import ASPHALT, BRICK, CLOTH, GLASS, LEAVES, METAL, PAINT, PLASTER, SLABS, WOOD
 from unveil_core.base.kernels.compiled import njit
 
-__all__ = ["Phone", "exposure", "picture", "pose"]
+__all__ = ["Phone", "exposure", "picture", "pose", "things"]
 
 SUN = np.array([-0.38, -0.52, 0.76])
 SUN /= np.linalg.norm(SUN)
@@ -83,6 +83,30 @@ def picture(
     shown = np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     shown = shown + rng.normal(0, NOISE, shown.shape)
     return np.clip(np.round(shown * 255), 0, 255).astype(np.uint8), kinds
+
+
+def things(phone: Phone, boxes: tuple[np.ndarray, ...], seconds: float) -> np.ndarray:
+    """(H, W) uint16 numbers of the objects that each pixel of the frame that begins at a moment shows, 0 = none: cars and people."""
+    poses = np.stack([pose(phone, seconds + phone.readout_s * row / phone.height) for row in range(phone.height)])
+    numbers = np.zeros((phone.height, phone.width), np.uint16)
+    starts, members = stretches(boxes)
+    _number(poses, phone.focal_px, *boxes[:3], starts, members, boxes[6].astype(np.uint16), numbers)
+    return numbers
+
+
+@njit(cache=True, nogil=True)
+def _number(poses, focal, centre, half, turn, starts, members, thing, numbers):  # type: ignore[no-untyped-def]
+    """Fill ``numbers`` (H, W) by the middle of each pixel, of rows that each have a pose (H, 4, 4)."""
+    height, width = numbers.shape
+    for row in range(height):
+        m = poses[row]
+        for column in range(width):
+            x, y = (column + 0.5 - width / 2) / focal, (row + 0.5 - height / 2) / focal
+            rx = m[0, 0] * x + m[0, 1] * y + m[0, 2]
+            ry = m[1, 0] * x + m[1, 1] * y + m[1, 2]
+            rz = m[2, 0] * x + m[2, 1] * y + m[2, 2]
+            _, k, _ = _meet(m[0, 3], m[1, 3], m[2, 3], rx, ry, rz, centre, half, turn, starts, members, 1e9)
+            numbers[row, column] = thing[k] if k >= 0 else 0
 
 
 @njit(cache=True, nogil=True)

@@ -41,8 +41,9 @@ BOX_MARGIN_M = 0.15
 """Around the box of a cluster, metres: what lies in it is of one thing with the cluster that it hangs together with."""
 TALL = np.array([1.0, 1.0, 1.5])
 """How much more a metre counts that a point is higher or lower than the clicks: what is on the street is longer than high."""
-LEAST_REACH_M, REACH = 2.0, 0.6
-"""Clicks mean what lies no farther away than this, metres, and than this share of what they are apart from each other."""
+LEAST_REACHES_M, REACH = (3.0, 2.5, 2.0), 0.6
+"""Clicks mean what lies no farther away than this, metres, and than this share of what they are apart from each other: those on one
+end of a car mean all of it. The first that cuts out what may be one thing counts; where none does, the last."""
 HOLD_M = 1.0
 """What lies nearer to a click than this, metres, is rather its object's."""
 VEHICLE_M = (6.5, 2.9, 4.3)
@@ -144,9 +145,9 @@ def cluster_around(
     middles = np.stack([np.median(points.positions[hit], axis=0) for hit in clicks])
     hit = points.positions[inside]
     spread = float(np.linalg.norm(np.ptp(np.concatenate([middles, _bulk(hit)]), axis=0)))
-    reach = max(LEAST_REACH_M, REACH * spread)
+    reaches = list(dict.fromkeys(max(least, REACH * spread) for least in LEAST_REACHES_M))
     away = cKDTree(np.concatenate([middles, hit[:: max(1, len(hit) // 200)]]) * TALL).query(points.positions * TALL)[0]
-    near = np.flatnonzero(points.standing & (away < FARTHEST * reach))
+    near = np.flatnonzero(points.standing & (away < FARTHEST * reaches[-1]))
     places, usual = points.positions[near], float(np.median(points.spacing[inside]))
     known = np.isin(inside, near)
     own, other = np.searchsorted(near, inside[known]), np.isin(near, outside)
@@ -154,7 +155,7 @@ def cluster_around(
     others_nearer = np.zeros(len(near), dtype=bool)
     if other.any():
         others_nearer = cKDTree(places[other] * TALL).query(places * TALL)[0] < away[near]
-    if chosen is None:
+    for reach in reaches if chosen is None else ():
         chosen = cut_from(
             places,
             points.normals[near],
@@ -165,6 +166,8 @@ def cluster_around(
             near=np.where(others_nearer, 0.0, np.clip(1 - away[near] / HOLD_M, 0.0, 1.0)),
             far=np.where(others_nearer, 1.0, np.clip((away[near] - reach) / reach, 0.0, 1.0)),
         )
+        if _one_thing(places[chosen], spread):
+            break
     found = np.zeros(len(points.positions), dtype=bool)
     found[near[chosen]] = True
     return found

@@ -15,7 +15,7 @@ from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.ground_start import MEASURED
 from unveil_core.optimize.in_blocks import BlockwiseReconstruction
-from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings
+from unveil_core.optimize.presets import PRESETS, ReconstructSettings
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Facts, StageContext

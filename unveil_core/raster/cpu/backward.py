@@ -15,7 +15,8 @@ from numba import types
 from numba.cpython.unsafe.numbers import trailing_zeros
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import FAST, INLINED
+from unveil_core.base.kernels.inlined import INLINED
+from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.block import (
     AHEAD,

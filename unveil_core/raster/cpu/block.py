@@ -12,7 +12,7 @@ from numba import types
 from numba.core import cgutils
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import INLINED
+from unveil_core.base.kernels.inlined import INLINED
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.lanes import Vector, lane_function
 from unveil_core.raster.passes import TILE

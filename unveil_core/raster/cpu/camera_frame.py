@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import INLINED
+from unveil_core.base.kernels.inlined import INLINED
 from unveil_core.raster.spec import EDGE_ON, LOG_SCALE_MAX
 
 __all__ = [

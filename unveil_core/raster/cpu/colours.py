@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import INLINED
+from unveil_core.base.kernels.inlined import INLINED
 from unveil_core.raster.cpu.camera_frame import ZERO
 from unveil_core.raster.spherical_harmonics import SH0, SH1, SH2, SH3
 

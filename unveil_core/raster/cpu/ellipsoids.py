@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import FAST, INLINED
+from unveil_core.base.kernels.inlined import INLINED
+from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.block import sources
 from unveil_core.raster.cpu.camera_frame import (

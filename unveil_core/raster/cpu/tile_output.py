@@ -10,7 +10,7 @@ import numpy as np
 from numba import types
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import INLINED
+from unveil_core.base.kernels.inlined import INLINED
 from unveil_core.raster.cpu.block import BLOCK, BLOCKS, KEPT_LABEL, put, put_next
 from unveil_core.raster.cpu.lanes import lane_function
 
