@@ -76,8 +76,6 @@ def worker_killed(window: BlenderWindow, drive: Path, blend: Path) -> None:
     print("worker killed:", told[4])
     assert "killed" in str(told[4]), told
     window.picture("1_worker_killed")
-    window.move(window.size[0] / 4, 0.7 * window.size[1])  # away from the error that popped up, which covers the sidebar
-    time.sleep(1)
 
 
 def blender_killed(window: BlenderWindow) -> None:
