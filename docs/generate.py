@@ -268,6 +268,7 @@ PARTS = {
         "long drives": robust.long_drives,
         "long stages": robust.long_stages,
         "threads": robust.threads,
+        "stage costs": robust.stage_costs,
         "batch": robust.batch,
         "import memory": robust.import_memory,
         "mesh fusion": robust.mesh_fusion,

@@ -17,7 +17,7 @@ __all__ = [
     "kills",
     "long_drives",
     "long_stages",
-] + ["mesh_fusion", "threads"]
+] + ["mesh_fusion", "stage_costs", "threads"]
 LABELS = {
     "drive": "the drive's own",
     "dataset": "the dataset's segmentation",
@@ -56,6 +56,26 @@ def long_stages() -> str:
     for stage, took in sorted(found["stages"].items(), key=lambda item: -item[1]["seconds"])[:3]:
         rows.append((f"`{stage}`", f"{expected['seconds'][stage]:.0f} s", f"{took['seconds']:.0f} s"))
     return table(("", "forecast", "it took"), rows)
+
+
+def stage_costs() -> str:
+    """Stages before and after changes, by processor seconds."""
+    rows = []
+    for row in results("stage_cost")["rows"]:
+        before, after = row["before"], row["after"]
+        frames = row["frames"]
+        rows.append(
+            (
+                f"`{row['stage']}`, {row['drive']}",
+                frames,
+                f"{before['seconds'] / frames:.2f} s",
+                f"{after['seconds'] / frames:.2f} s",
+                f"{before['peak_memory_mb']:,} MB",
+                f"{after['peak_memory_mb']:,} MB",
+            )
+        )
+    head = ("stage", "frames", "a frame before", "after", "peak memory before", "after")
+    return table(head, rows)
 
 
 def threads() -> str:

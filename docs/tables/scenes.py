@@ -101,7 +101,9 @@ def rasterizer() -> str:
 def card_passes() -> str:
     """Milliseconds of a pass of geometry on a card, and how long gsplat's kernels take beside it."""
     found: dict[int, dict[str, str]] = {}
-    for row in results("gpu")[CARD]["speed"]["passes"]:
+    for row in results("gpu")[CARD]["passes"]:
+        if "ms" not in row:  # left out, as the time was over
+            continue
         ms = [
             row["ms"][f"{planes}: forward and backward"]["ms"]
             for planes in ("rgb, alpha, geometry", "gsplat 2DGS, colour, normal, distortion")
@@ -109,13 +111,19 @@ def card_passes() -> str:
         size = "x".join(map(str, row["size"]))
         found.setdefault(row["surfels"], {})[size] = f"{ms[0]:.1f} ms / {ms[1]:.1f} ms"
     sizes = list(next(iter(found.values())))
-    return table(("surfels", *sizes), ((f"{n:,}", *(of[size] for size in sizes)) for n, of in sorted(found.items())))
+    return table(
+        ("surfels", *sizes), ((f"{n:,}", *(of.get(size) for size in sizes)) for n, of in sorted(found.items()))
+    )
 
 
 def card_runs() -> str:
     """Whole runs of the sample street on a card and on its processor."""
     rows = []
-    for name, run in results("gpu")[CARD]["sample"].items():
+    of_card = results("gpu")[CARD]
+    runs = {**of_card["sample"], **of_card["sample on the processor"]}
+    for name, run in sorted(runs.items(), key=lambda kv: (kv[0].split()[0], kv[0].endswith("cpu"))):
+        if "removed" not in run:  # left out or cut off, as the time was over
+            continue
         card = f"{run['card_memory_mb'] / 1000:.1f} GB" if "cuda" in name else None
         rows.append(
             (

@@ -13,7 +13,7 @@ import pytest
 from tests.drives.formats.test_pandaset import make_pandaset
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from unveil_core.app.cli import main
-from unveil_core.drives.formats import safe_pickle
+from unveil_core.drives.formats.pickled import stand_ins
 from unveil_core.drives.imported import read_imported
 
 
@@ -91,7 +91,7 @@ def test_a_hostile_dataset_runs_nothing(place: str, tmp_path: Path, capsys: pyte
 def test_a_bomb_in_a_dataset_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(safe_pickle, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(stand_ins, "MOST_BYTES", 1 << 20)
     drive = make_pandaset(tmp_path / "002")
     (drive / "lidar/02.pkl.gz").write_bytes(gzip.compress(bytes(64 << 20)))
     line = error(["run", str(drive), "-o", str(tmp_path / "ws"), "--quality", "draft"], capsys)

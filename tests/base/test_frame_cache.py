@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unveil_core.base.frame_cache import FrameCache, Frames, nbytes_of, subset
+from unveil_core.base.parallel import each, threads
 
 PICTURE_BYTES = 800
 
@@ -91,3 +93,17 @@ def test_what_is_stored_is_computed_once(tmp_path: Path) -> None:
 def test_the_size_of_what_is_held() -> None:
     picture: Callable[[], np.ndarray] = lambda: np.zeros(100)  # noqa: E731
     assert nbytes_of(picture()) == 800 and nbytes_of((picture(), [picture(), "name"])) == 1600 and nbytes_of(None) == 0
+
+
+def test_of_threads_that_ask_for_one_value_at_once_one_makes_it() -> None:
+    cache, made = FrameCache(), []
+
+    def make(i: int) -> np.ndarray:
+        made.append(i)
+        time.sleep(0.01)
+        return np.full(10, float(i))
+
+    frames = cache.frames(3, make)
+    with threads(4):
+        assert list(each(lambda k: float(frames[k % 3][0]), range(30))) == [float(k % 3) for k in range(30)]
+    assert sorted(made) == [0, 1, 2]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 
 import numpy as np
 import pytest
 
-from unveil_core.base.parallel import in_parallel, thread_count, threads
+from unveil_core.base.parallel import each, in_parallel, thread_count, threads, works_alone
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
@@ -55,3 +56,69 @@ def test_a_forked_child_makes_threads_of_its_own() -> None:
             in_parallel(lambda a, b: out.__setitem__(slice(a, b), 2), 64, 1)
             os._exit(0 if (out == 2).all() else 1)
     assert os.waitpid(child, 0)[1] == 0
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("most", [None, 1, 2])
+def test_items_come_in_their_order_with_no_more_at_work_than_asked_for(count: int, most: int | None) -> None:
+    lock, now, highest = threading.Lock(), [0], [0]
+
+    def work(item: int) -> int:
+        with lock:
+            now[0] += 1
+            highest[0] = max(highest[0], now[0])
+        time.sleep(0.001 * (item % 3))
+        with lock:
+            now[0] -= 1
+        return item * item
+
+    with threads(count):
+        assert list(each(work, range(20), most=most)) == [k * k for k in range(20)]
+    assert highest[0] <= min(count, most or count)
+    assert list(each(work, [])) == []
+
+
+def test_kernels_within_an_item_stay_in_its_thread() -> None:
+    """Were they handed to the pool, whose threads all wait for them, nothing would ever end."""
+    out = np.zeros((8, 1000), int)
+
+    def work(row: int) -> bool:
+        in_parallel(lambda a, b: out[row].__setitem__(slice(a, b), row + 1), 1000, 10)
+        return works_alone()
+
+    with threads(4):
+        assert all(each(work, range(8)))
+    assert (out == np.arange(1, 9)[:, None]).all() and not works_alone()
+
+
+def test_an_error_in_an_item_arrives_after_all_others_have_stopped() -> None:
+    now = set()
+
+    def work(item: int) -> None:
+        now.add(item)
+        try:
+            if item == 1:
+                raise RuntimeError("broken item")
+            time.sleep(0.02)
+        finally:
+            now.discard(item)
+
+    with threads(3), pytest.raises(RuntimeError, match="broken item"):
+        list(each(work, range(50)))
+    assert not now
+
+
+def test_who_stops_asking_is_not_left_with_threads_at_work() -> None:
+    begun, ended = [], []
+
+    def work(item: int) -> int:
+        begun.append(item)
+        time.sleep(0.01)
+        ended.append(item)
+        return item
+
+    with threads(2):
+        for item in each(work, range(100)):
+            if item == 3:
+                break
+        assert sorted(begun) == sorted(ended) and len(begun) < 12

@@ -13,7 +13,7 @@ from unveil_core.base.files import write_image_atomic
 from unveil_core.base.pictures.decoding import read_image_as_it_is
 from unveil_core.base.plates.colours import PlateColours
 from unveil_core.delivery.detail import grain_of
-from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame, in_exposure
+from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame, in_exposure, reduced
 from unveil_core.delivery.lens import work_positions
 from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.drive import Distortion, Footage
@@ -74,9 +74,10 @@ def delivered(
     drive = FullSize(
         views=EmptyViews([camera], [view]),
         footage=lambda _: picture,
+        coarse=lambda _: reduced(picture, footage, camera),
         lenses=[footage],
         exposures=[Exposure()],
-        grain=lambda _, sigma: grain_of(as_color(picture), sigma),
+        grain=lambda _, sigma: grain_of(picture, sigma),
         ground=None,
         shifts=None,
     )

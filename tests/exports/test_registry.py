@@ -18,8 +18,9 @@ from tests.plain_ply import read_plain_ply
 from unveil_core.app.cli import main
 from unveil_core.base.errors import Cancelled
 from unveil_core.exports.job import Job
-from unveil_core.exports.registry import EXTRA, FORMATS, export, place_of
+from unveil_core.exports.registry import EXTRA, FORMATS, place_of
 from unveil_core.exports.whole import TOLD
+from unveil_core.exports.writing import export
 from unveil_core.surfels.ply import write_surfels
 from unveil_core.surfels.scene_edit import NOT_SHORTENED, SceneEdit, write_edit
 from unveil_core.workspace.files import save_array

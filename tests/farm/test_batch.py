@@ -22,10 +22,12 @@ from tests.worlds.box_worlds import make_box_world
 from tests.worlds.long_street import long_street, long_way
 from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError, WorkspaceError
+from unveil_core.farm import manifest
 from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_batch
 from unveil_core.farm.run import MEMORY, RETRIES, run_batch, workers_that_fit
 from unveil_core.farm.state import TaskState, note_state, state_of
 from unveil_core.farm.status import batch_status, status_lines
+from unveil_core.forecast.machine import this_machine
 from unveil_core.ground import blocks
 from unveil_core.pipeline.settings import RunSettings
 
@@ -67,6 +69,23 @@ def test_blocks_are_counted_in_metres_that_the_user_gave(
     monkeypatch.setattr(blocks, "BLOCK_M", 6.0)
     batch = plan_batch([long_drive], tmp_path / "batch", RunSettings(scale=4.0))
     assert [d.blocks for d in batch.drives] == [1]
+
+
+def test_a_batch_for_a_card_is_forecast_by_runs_on_a_card(
+    long_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UNVEIL_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(manifest, "name_of_device", lambda setting: "cuda:0" if setting == "cuda" else "cpu")
+    for device, ratio in (("cpu", 8.0), ("cuda:0", 0.5)):
+        machine = this_machine(device=device)
+        machine.ratios = {"standard.reconstruct": [ratio]}
+        machine.save()
+    seconds = {}
+    for device in ("cpu", "cuda"):
+        (drive,) = plan_batch([long_drive], tmp_path / device, RunSettings(device=device)).drives
+        seconds[device] = drive.seconds
+        assert drive.gpus == (device == "cuda")
+    assert seconds["cpu"] == pytest.approx(16 * seconds["cuda"], rel=0.05)
 
 
 def test_two_drives_of_one_name_have_two_workspaces(tmp_path: Path) -> None:

@@ -10,7 +10,10 @@ import pytest
 
 from tests.labelling.parked_row import CAR, PERSON, POLE, ROAD, SIDEWALK, SKY, parked_row, picture
 from unveil_core.base.errors import Cancelled, DriveError
+from unveil_core.base.output.written import files_in
+from unveil_core.base.parallel import threads
 from unveil_core.drives.drive import Drive, FrameLabels, PointCloud
+from unveil_core.drives.importing.whole_drive import import_drive, write_labels
 from unveil_core.labelling.from_boxes import label_frames
 
 
@@ -133,3 +136,22 @@ def test_it_can_be_cancelled(drive: Drive) -> None:
 
     with pytest.raises(Cancelled):
         label_frames(drive, stop)
+
+
+def test_frames_that_are_imported_and_labelled_together_are_the_same_files(tmp_path: Path) -> None:
+    drive = parked_row(tmp_path / "row")
+    for name, count in (("alone", 1), ("together", 3)):
+        with threads(count):
+            imported = import_drive(drive, tmp_path / name, work_side=160)
+            done: list[int] = []
+
+            def progress(k: int, *_: object, done: list[int] = done) -> None:
+                done.append(k)
+
+            write_labels(tmp_path / name, label_frames(imported), progress, together=True)
+            assert done == [1, 2, 3]
+    files = files_in(tmp_path / "alone")
+    assert files == files_in(tmp_path / "together") and sum("semantics" in f for f in files) == 3
+    for name in files:
+        one, other = ((tmp_path / folder / name).read_bytes() for folder in ("alone", "together"))
+        assert one == other, name

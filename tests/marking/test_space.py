@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from unveil_core.marking.space.clustering import cluster_around
+from unveil_core.marking.space.clustering import clicked_points, cluster_around
 from unveil_core.marking.space.scene_points import ScenePoints
+from unveil_core.semantics.visibility import PointsInView
 
 CELL = 0.12
 
@@ -65,6 +68,22 @@ def test_a_click_on_the_neighbour_parts_two_cars_that_touch() -> None:
     outside, _ = clicked(points, [(5.5, 0.0, 0.8), (7.0, 0.9, 1.4)])
     found = cluster_around(points, inside, clicks, outside)
     assert found[of == 0].mean() > 0.9 and found[of == 1].mean() < 0.1
+
+
+def test_a_click_on_a_pane_is_not_the_car_before_it() -> None:
+    """Two clicks hit a tailgate ten metres away. Where the third is no point comes back, but one of a mirror beside it."""
+    tailgate = [(100 + 4 * k, 200 + 3 * (k % 3), 10.0 + 0.05 * k) for k in range(12)]
+    mirror = [(176, 196, 7.8)]
+    columns, rows, depth = np.array([*tailgate, *mirror]).T
+    points, _ = scene((np.ones((13, 3)), np.ones((13, 3))), colours=(0.5,))
+    seen = PointsInView(np.arange(13), rows.astype(np.int64), columns.astype(np.int64), depth)
+    clicks = np.array([(110.0, 202.0), (132.0, 202.0), (170.0, 198.0)])
+    hit, of = clicked_points(points, seen, clicks, 768)
+    assert set(of) == {0, 1} and 12 not in hit
+    # Alone, or where it is no nearer than the others, it is what was clicked.
+    assert clicked_points(points, seen, clicks[2:] + (5.0, 0.0), 768)[0].tolist() == [12]
+    beside = replace(seen, depth=np.append(depth[:12], 9.6))
+    assert 12 in clicked_points(points, beside, clicks, 768)[0]
 
 
 def test_the_ground_is_never_taken() -> None:

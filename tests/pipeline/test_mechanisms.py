@@ -70,15 +70,15 @@ def test_a_stage_depends_on_its_own_mechanisms_only() -> None:
     settings = RunSettings(without=("quilting", "remains"))
     told = {s.name: s.chosen(settings)["without"] for s in STAGES if "without" in s.settings}
     assert {name: names for name, names in told.items() if names} == {"inpaint": ["quilting"], "remove": ["remains"]}
-    assert of_stage("inpaint", ("sun", "crowns")) == of_stage("inpaint", ("crowns", "sun", "remains"))
+    assert of_stage("inpaint", ("facades", "barriers")) == of_stage("inpaint", ("barriers", "facades", "remains"))
 
 
 def test_switching_off_ends_with_its_block_also_after_an_error() -> None:
-    assert on("sun") and MECHANISMS["sun"].enabled
-    with pytest.raises(ValueError), without(["sun"]), without(["crowns"]):
-        assert not on("sun") and not on("crowns") and not MECHANISMS["sun"].enabled
+    assert on("facades") and MECHANISMS["facades"].enabled
+    with pytest.raises(ValueError), without(["facades"]), without(["barriers"]):
+        assert not on("facades") and not on("barriers") and not MECHANISMS["facades"].enabled
         raise ValueError
-    assert on("sun") and on("crowns")
+    assert on("facades") and on("barriers")
 
 
 def test_an_unknown_name_is_one_line_with_the_nearest() -> None:
@@ -87,8 +87,8 @@ def test_an_unknown_name_is_one_line_with_the_nearest() -> None:
 
 
 def test_the_command_takes_it_more_than_once() -> None:
-    words = ["run", "drive", "-o", "ws", "--without", "sun", "--without", "quilting,remains"]
-    assert command_parser().parse_args(words).without == ("sun", "quilting", "remains")
+    words = ["run", "drive", "-o", "ws", "--without", "facades", "--without", "quilting,remains"]
+    assert command_parser().parse_args(words).without == ("facades", "quilting", "remains")
 
 
 def test_a_stage_runs_without_what_is_its_own(tmp_path: Path) -> None:

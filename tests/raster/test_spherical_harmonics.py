@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from unveil_core.raster.cpu.per_surfel import sh_basis, sh_slopes
+from unveil_core.raster.cpu.colours import sh_basis, sh_slopes
 from unveil_core.raster.spherical_harmonics import basis, evaluate
 
 

@@ -52,10 +52,21 @@ def test_an_end_behind_the_object_goes() -> None:
     assert len(shortened(scene, ~stays, one_view()).index) == 0
 
 
-def test_what_leaves_the_picture_and_what_nobody_sees_stay_as_they_are() -> None:
-    # One reaches over the picture's border, one lies behind the object with both its ends, one far behind the wall.
-    scene = row_of_surfels(np.array([[-7.4, 2.0, 10.0], [1.2, 2.0, 10.0], [-3.0, 4.0, 20.0]]), np.full((3, 2), 0.41))
-    assert len(shortened(scene, np.ones(3, dtype=bool), one_view()).index) == 0
+def test_an_end_that_no_picture_holds_goes() -> None:
+    scene = row_of_surfels(np.array([[-7.4, 2.0, 10.0], [-3.0, 2.0, 10.0]]), np.array([[0.41, 0.41], [900.0, 0.02]]))
+    found = shortened(scene, np.ones(2, dtype=bool), one_view())
+    after = found.of(scene)
+    assert sorted(found.index.tolist()) == [0, 1]
+    ends = after.means[:, 0, None] + REACH * after.log_scales[:, :1].exp() * torch.tensor([-1.0, 1.0])
+    assert (ends > -8.0).all() and float(ends[0, 1]) < -6.3
+    # A street is 15 m wide in this picture, and the surfel was kilometres long.
+    assert float(after.log_scales[1, 0].exp()) < 3.0
+
+
+def test_what_nobody_sees_stays_as_it_is() -> None:
+    # One lies behind the object with both its ends, one far behind the wall.
+    scene = row_of_surfels(np.array([[1.2, 2.0, 10.0], [-3.0, 4.0, 20.0]]), np.full((2, 2), 0.41))
+    assert len(shortened(scene, np.ones(2, dtype=bool), one_view()).index) == 0
 
 
 @settings(deadline=None, max_examples=25)

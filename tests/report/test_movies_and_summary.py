@@ -23,7 +23,6 @@ from unveil_core.evaluate import run_evaluation, write_metrics
 from unveil_core.report import video
 from unveil_core.report.collect import gather
 from unveil_core.report.page import build_page
-from unveil_core.report.strip import GAP_PX, write_strip
 from unveil_core.report.summary import print_summary
 from unveil_core.report.video import write_video
 from unveil_core.report.wording import decibels, detail, memory, movers, percent, seconds, similarity
@@ -75,24 +74,6 @@ def test_a_movie_goes_as_fast_as_the_drive_did(finished: Path, tmp_path: Path) -
     assert movie.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)
 
 
-def test_pictures_of_a_rig_are_not_stretched(finished: Path, tmp_path: Path) -> None:
-    workspace = tmp_path / "rig"
-    shutil.copytree(finished, workspace)
-    document = json.loads((workspace / "drive/cameras.json").read_text())
-    entry = document["frames"][3]
-    for path in (workspace / "drive" / entry["image"], workspace / f"frames/front/{entry['name']}.png"):
-        picture = read_image(path)[:32]
-        path.unlink()
-        cv2.imwrite(str(path), picture[..., ::-1])
-    entry["height"] = 32
-    (workspace / "drive/cameras.json").write_text(json.dumps(document))
-    write_strip(workspace, tmp_path / "strip.png", ["front/0003", "0001"], tile_width=96)
-    sheet = read_image(tmp_path / "strip.png")
-    assert sheet.shape == (2 * 64 + GAP_PX, 2 * 96 + GAP_PX, 3)
-    np.testing.assert_array_equal(sheet[16:48, :96], read_image(workspace / "drive" / entry["image"]))
-    assert (sheet[:16, :96] == 255).all() and (sheet[48:64, :96] == 255).all()
-
-
 def test_webp_where_there_is_no_encoder(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Closed:
         fourcc = staticmethod(cv2.VideoWriter.fourcc)
@@ -128,26 +109,6 @@ def test_movies_that_cannot_be(finished: Path, tmp_path: Path) -> None:
         write_video(finished, tmp_path / "street.avi")
     with pytest.raises(WorkspaceError, match="Not made yet: delivered frames"):
         write_video(finished, tmp_path / "street.mp4", camera_name="rear")
-
-
-def test_strip_has_a_row_a_folder(finished: Path, tmp_path: Path) -> None:
-    path = tmp_path / "strip.png"
-    write_strip(finished, path, ["0003", "0001"], tile_width=96, folders=("frames", "renders"))
-    sheet = read_image(path)
-    assert sheet.shape == (3 * 64 + 2 * GAP_PX, 2 * 96 + GAP_PX, 3)
-    np.testing.assert_array_equal(sheet[:64, :96], photographs(finished)[3])
-    np.testing.assert_array_equal(sheet[64 + GAP_PX : 128 + GAP_PX, 96 + GAP_PX :], delivered(finished)[1])
-    np.testing.assert_array_equal(sheet[-64:, :96], read_image(finished / "renders/front/0003.png"))
-
-
-def test_strip_chooses_by_itself(finished: Path, tmp_path: Path) -> None:
-    write_strip(finished, tmp_path / "strip.png", count=2, tile_width=48)
-    assert read_image(tmp_path / "strip.png").shape == (2 * 32 + GAP_PX, 2 * 48 + GAP_PX, 3)
-    with pytest.raises(WorkspaceError, match="no frame '0009'"):
-        write_strip(finished, tmp_path / "other.png", ["0009"])
-    with pytest.raises(WorkspaceError, match=r"0001\.png: Not made yet"):
-        write_strip(finished, tmp_path / "other.png", folders=("nowhere",))
-    assert not (tmp_path / "other.png").exists()
 
 
 def test_summary_says_what_metrics_say(finished: Path) -> None:

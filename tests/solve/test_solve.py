@@ -5,19 +5,20 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.solve.films import COUNT, frames, truth, write_clip, write_frames, write_labels
+from tests.solve.films import COUNT, SIZE, frames, truth, write_clip, write_frames, write_labels
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives import open_drive
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.solve.settings import SolveSettings
-from unveil_core.solve.solve import solve
+from unveil_core.solve.solve import planned, solve
 
 needs_colmap = pytest.mark.skipif(find_spec("pycolmap") is None, reason="pycolmap is not installed")
 
@@ -93,6 +94,22 @@ def test_the_page_needs_nothing_but_itself(solved: Path) -> None:
     page = (solved / "solve.html").read_text()
     assert f"{COUNT} of {COUNT} frames have a camera" in page and "The way from above" in page
     assert "http://" not in page and "https://" not in page and "<script" not in page
+
+
+def test_a_plan_tells_what_a_rerun_would_do(solved: Path) -> None:
+    footage = [solved.parent / "frames"]
+    focal, height, _ = truth()
+    same = SolveSettings(labels=solved.parent / "labels", camera_height=height, focal=str(focal))
+    plan = planned(footage, solved, same)
+    assert not plan.would_run and plan.lines() == ["solve        up to date"] and plan.frames == COUNT
+    other = planned(footage, solved, replace(same, every=2))
+    assert other.why == "the footage or its settings have changed"
+    assert (other.frames, other.width, other.height) == (COUNT // 2, *SIZE)
+    assert 0 < other.seconds < plan.seconds < planned(footage, solved, replace(same, thorough=True)).seconds
+    new = planned(footage, solved.parent / "nowhere", same)
+    assert new.why == "it has not run" and not (solved.parent / "nowhere").exists()
+    with pytest.raises(DriveError, match="no frames in that part"):
+        planned(footage, solved, replace(same, frames="200:"))
 
 
 def test_a_rerun_does_only_what_is_missing(solved: Path) -> None:

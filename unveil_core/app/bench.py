@@ -123,11 +123,21 @@ def _pipeline(arguments: argparse.Namespace) -> dict[str, Any]:
         )
 
 
+def _run(arguments: argparse.Namespace) -> dict[str, Any]:
+    from unveil_core.bench.whole_run import bench_run, rows_in
+
+    rows = rows_in(arguments.output)
+    settings = RunSettings(quality=arguments.quality, seed=arguments.seed)
+    with reporting(False) as reporter:
+        return bench_run(arguments.drive, settings, until=arguments.until, before=rows, reporter=reporter)
+
+
 _BENCHMARKS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "raster": _raster,
     "step": _step,
     "reconstruction": _reconstruction,
     "pipeline": _pipeline,
+    "run": _run,
 }
 
 
@@ -204,5 +214,11 @@ def _pipeline_table(measured: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-_TABLES = {"raster": _raster_table, "pipeline": _pipeline_table}
+def _run_table(measured: dict[str, Any]) -> str:
+    from unveil_core.bench.whole_run import run_table
+
+    return run_table(measured)
+
+
+_TABLES = {"raster": _raster_table, "pipeline": _pipeline_table, "run": _run_table}
 """How the benchmarks with many rows are printed where no JSON is asked for."""

@@ -8,8 +8,9 @@ from pathlib import Path
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_notice, no_progress
 from unveil_core.exports.job import START_FRAME, TEXTURE_PX, Job
-from unveil_core.exports.registry import ExportFormat, export, formats_named, place_of
+from unveil_core.exports.registry import ExportFormat, formats_named, place_of
 from unveil_core.exports.splats.spz import SPZ_VERSION, check_spz
+from unveil_core.exports.writing import export
 from unveil_core.pipeline.output_place import check_file_place, check_folder_place, drives_of
 from unveil_core.workspace.scene_states import check_scene_state
 from unveil_core.workspace.workspace import Workspace

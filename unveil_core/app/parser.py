@@ -7,10 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
+from unveil_core.app.grammar.common import (
+    MESSAGES,
+    add_common,
+    add_device,
+    add_footage,
+    add_replace,
+    add_settings,
+    add_yes,
+    metres,
+    names_of,
+    size_of,
+)
 from unveil_core.app.grammar.parsers import CommandParser, MainParser
-from unveil_core.app.grammar.setting_options import add_setting, add_settings
+from unveil_core.app.grammar.setting_options import add_setting
 from unveil_core.app.mask.words import add_words
-from unveil_core.base.kernels.device import DEVICES
 from unveil_core.pipeline.settings import QUALITIES
 
 __all__ = ["BLOCK_STAGES", "EXPORTS", "STAGE_VERBS", "command_parser"]
@@ -44,17 +55,9 @@ EXPORTS = (
 """The formats of ``exports.registry.FORMATS``; likewise."""
 
 
-MESSAGES = {
-    "json": (("--json",), "JSON lines on standard output, errors too"),
-    "quiet": (("-q", "--quiet"), "warnings and errors alone"),
-    "verbose": (("-v", "--verbose"), "each step, with its figures"),
-    "debug": (("--debug",), "show tracebacks"),
-}
-"""Options of all verbs, before or after them, with their help."""
 STATE = "the street without or with everything, or as it was edited in Blender"
 DRIVE = "a transforms.json, or the folder of a dataset"
 CLIP = "; or a clip, with options of unveil solve (--help-all)"
-SETTINGS_FILE = 'settings from a file, as quality = "draft"'
 
 _Verbs = Any
 """What ``add_subparsers`` returns; argparse gives it no public name."""
@@ -77,7 +80,7 @@ def command_parser() -> MainParser:
     _add_export(verbs)
     _add_bench(verbs)
     _add_batch(verbs)
-    _add_common(verbs.add_parser("doctor", help="show what Unveil finds on this machine"))
+    add_common(verbs.add_parser("doctor", help="show what Unveil finds on this machine"))
     _add_completion(verbs)
     return parser
 
@@ -115,12 +118,12 @@ def _add_whole_runs(verbs: _Verbs) -> None:
         p.add_argument("--reset", action="store_true", help="take defaults, not the workspace's settings")
         p.add_argument("--dry-run", action="store_true", help="say what would run, why, and how long")
         if name != "demo":
-            _add_replace(p, "replace results of another drive")
-            _add_yes(p)
-        _add_settings(p)
+            add_replace(p, "replace results of another drive")
+            add_yes(p)
+        add_settings(p)
         if name == "run":
-            _add_footage(p, hidden=True)
-        _add_common(p)
+            add_footage(p, hidden=True)
+        add_common(p)
 
 
 def _add_solve(verbs: _Verbs) -> None:
@@ -149,33 +152,13 @@ def _add_solve(verbs: _Verbs) -> None:
     p.add_argument(
         "--camera-height",
         default=argparse.SUPPRESS,
-        type=_metres,
+        type=metres,
         metavar="METRES",
         help="height above the ground: gives the scale",
     )
-    _add_footage(p)
-    _add_replace(p, "write into a folder that no solve made")
-    _add_common(p)
-
-
-def _add_footage(p: CommandParser, *, hidden: bool = False) -> None:
-    """Options of clips and photographs, which ``unveil run`` takes as well; hidden: only ``--help-all`` explains them."""
-    group = p.add_argument_group("clips and photographs")
-
-    def add(name: str, **options: Any) -> None:
-        options["default"] = argparse.SUPPRESS
-        if hidden:
-            p.expert(group, name, **options)
-        else:
-            group.add_argument(name, **options)
-
-    add("--every", type=int, metavar="N", help="each N-th frame alone")
-    add("--lens", choices=("simple", "opencv", "fisheye"), help="model of the lens [simple]")
-    add("--focal", metavar="PIXELS|26mm", help="focal length, in pixels or as of 35 mm film [found]")
-    add("--speed", type=_number, metavar="KM/H", help="mean speed: gives the scale")
-    add("--known-length", type=_number, metavar="METRES", help="length of the way: gives the scale")
-    add("--gpx", type=Path, metavar="FILE.gpx", help="track of the drive: gives the scale")
-    add("--thorough", action="store_true", help="three times the features, in three times the time")
+    add_footage(p)
+    add_replace(p, "write into a folder that no solve made")
+    add_common(p)
 
 
 def _add_check(verbs: _Verbs) -> None:
@@ -189,10 +172,10 @@ def _add_check(verbs: _Verbs) -> None:
         metavar="FILE.html",
         help="the page, by default check_DRIVE.html here",
     )
-    _add_replace(p, "write over a page that no check made")
-    _add_yes(p)
-    _add_settings(p)
-    _add_common(p)
+    add_replace(p, "write over a page that no check made")
+    add_yes(p)
+    add_settings(p)
+    add_common(p)
 
 
 def _add_mask(verbs: _Verbs) -> None:
@@ -207,8 +190,8 @@ def _add_mask(verbs: _Verbs) -> None:
     p.add_argument(
         "-o", "--output", type=Path, required=True, metavar="DIR", help="of the mattes; a later call adds to it"
     )
-    _add_settings(p)
-    _add_common(p)
+    add_settings(p)
+    add_common(p)
 
 
 def _add_stages(verbs: _Verbs) -> None:
@@ -216,13 +199,13 @@ def _add_stages(verbs: _Verbs) -> None:
     for name, text in {**STAGE_VERBS, **status}.items():
         p = verbs.add_parser(name, help=text)
         p.add_argument("workspace", type=Path, help="folder of the results")
-        _add_settings(p)
-        _add_common(p)
+        add_settings(p)
+        add_common(p)
     p = verbs.add_parser("run-block", help="make one block of a long drive for a stage, as one of many machines")
     p.add_argument("workspace", type=Path, help="folder of the results")
     p.add_argument("stage", choices=BLOCK_STAGES)
     p.add_argument("block", type=int, help="its number, from 0")
-    _add_common(p)
+    add_common(p)
 
 
 def _add_evaluate(verbs: _Verbs) -> None:
@@ -257,8 +240,8 @@ def _add_evaluate(verbs: _Verbs) -> None:
         metavar="DIR",
         help="of the folder holdout/ with all that is made, by default WORKSPACE_holdout",
     )
-    _add_device(p)
-    _add_common(p)
+    add_device(p)
+    add_common(p)
 
 
 def _add_render(verbs: _Verbs) -> None:
@@ -278,10 +261,12 @@ def _add_render(verbs: _Verbs) -> None:
         "--beside", type=float, default=0.0, metavar="METRES", help="to the right of the path (left: negative)"
     )
     p.add_argument("--above", type=float, default=0.0, metavar="METRES", help="up from the path")
-    p.add_argument("--planes", type=_names, default=("rgb",), metavar="PLANES", help="rgb,depth,normal,alpha,semantics")
+    p.add_argument(
+        "--planes", type=names_of, default=("rgb",), metavar="PLANES", help="rgb,depth,normal,alpha,semantics"
+    )
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    _add_device(p)
-    _add_common(p)
+    add_device(p)
+    add_common(p)
 
 
 def _add_export(verbs: _Verbs) -> None:
@@ -289,7 +274,7 @@ def _add_export(verbs: _Verbs) -> None:
     p.add_argument("workspace", type=Path, help="folder of the results")
     p.add_argument(
         "--to",
-        type=_names,
+        type=names_of,
         default=(),
         metavar="NAMES",
         help=f"{','.join(EXPORTS)}; by default the mesh that FILE's suffix says",
@@ -321,9 +306,9 @@ def _add_export(verbs: _Verbs) -> None:
         metavar="DIR|FILE",
         help="a folder, or the file of a single format; a mesh goes beside the meshes by default",
     )
-    _add_replace(p, "write over a file that no export of the workspace made")
-    _add_device(p)
-    _add_common(p)
+    add_replace(p, "write over a file that no export of the workspace made")
+    add_device(p)
+    add_common(p)
 
 
 def _add_batch(verbs: _Verbs) -> None:
@@ -332,10 +317,10 @@ def _add_batch(verbs: _Verbs) -> None:
     p = parts.add_parser("plan", help="write the tasks of some drives")
     p.add_argument("drives", type=Path, nargs="+", metavar="DRIVE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="of the batch and the workspaces")
-    _add_replace(p, "write over the batch.json of other drives, or of another program")
-    _add_yes(p)
-    _add_settings(p)
-    _add_common(p)
+    add_replace(p, "write over the batch.json of other drives, or of another program")
+    add_yes(p)
+    add_settings(p)
+    add_common(p)
     for name, text in (
         ("run", "run the tasks that are not done, on a Dask cluster"),
         ("status", "how far it is, by its files"),
@@ -356,24 +341,26 @@ def _add_batch(verbs: _Verbs) -> None:
             )
         if name == "template":
             p.add_argument("--to", required=True, choices=("openjd", "slurm", "flamenco"), help="which farm's")
-            _add_replace(p, "write over a file that no batch made")
-        _add_common(p)
+            add_replace(p, "write over a file that no batch made")
+        add_common(p)
 
 
 def _add_completion(verbs: _Verbs) -> None:
     p = verbs.add_parser("completion", help="print the completion script of a shell")
     p.add_argument("shell", choices=("bash", "zsh", "tcsh"))
-    _add_common(p)
+    add_common(p)
 
 
 def _add_bench(verbs: _Verbs) -> None:
     p = verbs.add_parser("bench", help="measure the rasterizer, a training step, a reconstruction or whole runs")
-    p.add_argument("what", choices=("raster", "step", "reconstruction", "pipeline"))
-    p.add_argument("drive", type=Path, nargs="?", default=None, help="with a truth; the sample street by default")
+    p.add_argument("what", choices=("raster", "step", "reconstruction", "pipeline", "run"))
+    p.add_argument(
+        "drive", type=Path, nargs="?", default=None, help="with a truth, but for run; the sample street by default"
+    )
     p.add_argument("--quality", default="standard", choices=QUALITIES, help="of the runs (standard)")
     p.add_argument("--every", type=int, default=8, metavar="N", help="hold every n-th frame out (8)")
     p.add_argument(
-        "--without", type=_names, default=(), metavar="LOSSES", help="losses to leave out, as normal,distortion"
+        "--without", type=names_of, default=(), metavar="LOSSES", help="losses to leave out, as normal,distortion"
     )
     p.add_argument(
         "--variant",
@@ -383,92 +370,30 @@ def _add_bench(verbs: _Verbs) -> None:
     )
     p.add_argument("--salt", type=float, default=0.0, metavar="SHARE", help="wrong label pixels to put in, as 0.05")
     p.add_argument(
-        "--rows", type=_names, default=(), metavar="NAMES", help="of the pipeline's baselines; all by default"
+        "--rows", type=names_of, default=(), metavar="NAMES", help="of the pipeline's baselines; all by default"
     )
     p.add_argument(
         "--scene", type=Path, default=None, metavar="WORKSPACE", help="where the rows' scene is, or is to be kept"
     )
     p.add_argument("--keep", type=Path, default=None, metavar="DIR", help="for the frames of each row")
+    p.add_argument(
+        "--until",
+        choices=tuple(STAGE_VERBS),
+        default=None,
+        metavar="STAGE",
+        help="the last stage of a run; all by default",
+    )
     for name in ("inpainter", "reference_inpainter"):  # of all rows
         add_setting(p, name)
     p.set_defaults(inpainter="exemplar", reference_inpainter=None)
     p.add_argument("--seed", type=int, default=0, help="of everything random (0)")
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
-    _add_replace(p, "write over files that no benchmark made")
+    add_replace(p, "write over files that no benchmark made")
     p.add_argument(
         "--yardstick", type=Path, default=None, metavar="FOLDER", help="a C++ rasterizer to compile and compare"
     )
     p.add_argument("--quick", action="store_true", help="a small scene and few rounds, to see that it works")
     p.add_argument("--surfels", type=int, default=None, metavar="N", help="of the main table, or of the step")
-    p.add_argument("--size", type=_size, default=None, metavar="WIDTHxHEIGHT", help="of the pictures")
-    _add_device(p)
-    _add_common(p)
-
-
-# Options that several verbs take
-
-
-def _add_common(p: CommandParser) -> None:
-    group = p.add_argument_group("messages")
-    told_apart = "--help-all" in p._option_string_actions
-    for name, (words, text) in MESSAGES.items():  # a default here would write over what was given before the verb
-        add = p.expert if told_apart and name == "debug" else argparse._ArgumentGroup.add_argument
-        add(group, *words, dest=name, action="store_true", default=argparse.SUPPRESS, help=text)
-    add = p.expert if told_apart else argparse._ArgumentGroup.add_argument
-    text = "cancel when standard input closes: when the program that started this one ends"
-    add(group, "--end-with-stdin", action="store_true", help=text)
-
-
-def _add_settings(p: CommandParser) -> None:
-    """The settings of a run, from a file, or each by its option."""
-    p.add_argument("--settings", type=Path, default=None, metavar="FILE.toml", help=SETTINGS_FILE)
-    add_settings(p)
-
-
-def _add_replace(p: CommandParser, what: str) -> None:
-    """Of a verb that otherwise refuses to write over what it did not make. One word for all of them."""
-    p.add_argument("--replace", action="store_true", help=what)
-
-
-def _add_yes(p: CommandParser) -> None:
-    """Of a verb that asks before it begins what is most probably a mistake; without a terminal it ends instead."""
-    p.add_argument("--yes", action="store_true", help="go on where a check of the drive would ask")
-
-
-def _add_device(p: CommandParser) -> None:
-    """Of a verb that is no run: its device is recorded nowhere."""
-    p.add_argument(
-        "--device",
-        dest="works_on",
-        default="auto",
-        choices=DEVICES,
-        help="device to render and train on: an NVIDIA GPU where one can be used, else the processor",
-    )
-
-
-# Types of arguments
-
-
-def _metres(text: str) -> float | None:
-    try:
-        return None if text.strip() == "auto" else float(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"Not a number of metres, and not auto: {text!r}") from error
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"Not a number: {text!r}") from error
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(part.strip() for part in text.split(",") if part.strip())
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
-        raise argparse.ArgumentTypeError(f"Not a size such as 480x320: {text}")
-    return int(width), int(height)
+    p.add_argument("--size", type=size_of, default=None, metavar="WIDTHxHEIGHT", help="of the pictures")
+    add_device(p)
+    add_common(p)

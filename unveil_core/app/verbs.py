@@ -180,7 +180,7 @@ def _notice_of(verb: str, reporter: Reporter) -> Callable[[str], None]:
 def _bench(arguments: argparse.Namespace) -> int:
     from unveil_core.app.bench import run_bench
 
-    if arguments.what in ("reconstruction", "pipeline") and arguments.drive is None:
+    if arguments.what in ("reconstruction", "pipeline", "run") and arguments.drive is None:
         arguments.drive = sample_drive()
     return run_bench(arguments)
 

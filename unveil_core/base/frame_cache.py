@@ -18,6 +18,7 @@ from typing import Any, Generic, TypeVar
 
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import works_alone
 from unveil_core.base.resume.checkpoint import Kept
 
 __all__ = ["DEFAULT_BYTES", "FrameCache", "Frames", "nbytes_of", "subset"]
@@ -92,6 +93,7 @@ class FrameCache:
         self._held: OrderedDict[tuple[int, int], tuple[Any, int]] = OrderedDict()
         self._bytes = 0
         self._lock = threading.RLock()
+        self._made: dict[tuple[int, int], threading.Lock] = {}
 
     @property
     def nbytes(self) -> int:
@@ -125,6 +127,18 @@ class FrameCache:
 
     def get(self, key: tuple[int, int], make: Callable[[int], T]) -> T:
         """The held value of a key, or that of ``make``, which is held from now on."""
+        if not works_alone():  # what it makes may wait for threads that wait for it
+            return self._get(key, make)
+        with self._lock:
+            mine = self._made.setdefault(key, threading.Lock())
+        with mine:  # of threads that ask for one value at once one makes it
+            try:
+                return self._get(key, make)
+            finally:
+                with self._lock:
+                    self._made.pop(key, None)
+
+    def _get(self, key: tuple[int, int], make: Callable[[int], T]) -> T:
         with self._lock:
             if key in self._held:
                 self._held.move_to_end(key)

@@ -4,7 +4,10 @@ A compiled kernel takes ``(start, stop, *arguments)``, releases the interpreter'
 range. Chunks are handed out as threads become free; since a chunk's result does not depend on who computes it, results
 are the same for any number of threads.
 
-This is the only way in which the package's own kernels use several threads. Threads of our own, not numba's parallel
+Work on whole frames that releases the lock most of its time is shared out by :func:`each`, a frame a thread; kernels that such
+work calls then stay in its thread.
+
+These are the only ways in which the package's own kernels use several threads. Threads of our own, not numba's parallel
 loops: those compile a loop's body twice, and which of the two copies runs depends on whether the code was compiled in this
 process or comes from the cache. With fast math the two round differently, and a drive unveiled twice would not give the
 same files. They also keep a count of threads of their own, and where neither TBB nor OpenMP is found they end the process
@@ -16,16 +19,23 @@ from __future__ import annotations
 import itertools
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
-__all__ = ["EXACT", "FAST", "ThreadErrors", "in_parallel", "thread_count", "threads"]
+__all__ = ["EXACT", "FAST", "INLINED", "ThreadErrors", "each", "in_parallel", "thread_count", "threads", "works_alone"]
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 FAST: dict[str, Any] = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
 """How numba compiles a kernel for :func:`in_parallel` whose sums may be taken in any order."""
+INLINED: dict[str, Any] = {**FAST, "cache": False, "forceinline": True}
+"""How a part of such kernels is compiled that they call: into each of them. It is not kept for itself: numba's cache looks at a
+function's own file alone, and would go on with what it was made of from others."""
 EXACT: dict[str, Any] = {"cache": True, "nogil": True}
 """How numba compiles a kernel for :func:`in_parallel` that rounds as it is written."""
 
@@ -45,7 +55,7 @@ class _Pool:
         self.executor: ThreadPoolExecutor | None = None
         self.lock = threading.Lock()
 
-    def submit(self, task: Callable[[], None]) -> Future[None]:
+    def submit(self, task: Callable[[], R]) -> Future[R]:
         with self.lock:
             if self.executor is None:
                 self.executor = ThreadPoolExecutor(_available(), thread_name_prefix="unveil")
@@ -55,7 +65,7 @@ class _Pool:
         self.executor, self.lock = None, threading.Lock()
 
 
-_pool = _Pool()
+_pool, _own = _Pool(), threading.local()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.forget)
 
@@ -83,7 +93,7 @@ def in_parallel(kernel: Callable[..., Any], size: int, chunk: int, *arguments: A
         size: how much there is; chunk: how much a thread takes at a time.
     """
     chunks = -(-size // chunk)
-    helpers = min(_pool.count, chunks) - 1
+    helpers = 0 if works_alone() else min(_pool.count, chunks) - 1
     if helpers < 1:
         if size > 0:
             kernel(0, size, *arguments)
@@ -103,6 +113,46 @@ def in_parallel(kernel: Callable[..., Any], size: int, chunk: int, *arguments: A
     for failure in failures:
         if failure is not None:
             raise failure
+
+
+def works_alone() -> bool:
+    """Whether this thread works on one item of :func:`each`: what it calls must not wait for other threads of the pool."""
+    return getattr(_own, "alone", False)
+
+
+def each(work: Callable[[T], R], items: Sequence[T], *, most: int | None = None) -> Iterator[R]:
+    """``work(item)`` of each item, in their order, several at a time.
+
+    Args:
+        work: must not depend on what is made of other items. Where one fails, those after it may have begun; they are waited for.
+        items: no more than one per thread, and one, are ahead of what was taken.
+        most: items at work at a time, as memory allows; None = one per thread.
+    """
+    count = min(_pool.count, len(items), _pool.count if most is None else most)
+    if count < 2 or works_alone():
+        yield from map(work, items)
+        return
+
+    def alone(item: T) -> R:
+        _own.alone = True
+        try:
+            return work(item)
+        finally:
+            _own.alone = False
+
+    begun: deque[Future[R]] = deque()
+    try:
+        for item in items:
+            if len(begun) > count:
+                yield begun.popleft().result()
+            begun.append(_pool.submit(lambda item=item: alone(item)))  # type: ignore[misc]
+        while begun:
+            yield begun.popleft().result()
+    finally:
+        # Nothing may still be at work when this ends, not even after an error or where no more is asked for.
+        for future in begun:
+            if not future.cancel():
+                future.exception()
 
 
 class ThreadErrors:

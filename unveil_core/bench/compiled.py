@@ -20,7 +20,7 @@ from unveil_core.base.errors import UnveilError
 
 __all__ = ["CAPABILITIES", "compiled"]
 
-CAPABILITIES = {80: "A100", 86: "RTX 30", 89: "RTX 40, L4", 90: "H100, H200", 120: "RTX 50"}
+CAPABILITIES = {80: "A100", 86: "RTX 30", 89: "RTX 40, L4", 90: "H100, H200", 100: "B200", 120: "RTX 50"}
 """Compute capabilities times ten, and cards that have them."""
 DEGREES = (1, 16)
 """Coefficients of the spherical harmonics of degree 0 and 3."""
@@ -60,8 +60,8 @@ def compiled(capabilities: Collection[int], only: str = "") -> list[dict[str, An
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-def _kernels() -> Iterator[tuple[Any, str, dict[str, Any], dict[str, Any]]]:
-    """Kernel, variant, its constants, and options of the compiler."""
+def _kernels(capability: int) -> Iterator[tuple[Any, str, dict[str, Any], dict[str, Any]]]:
+    """Kernel, variant, its constants, and options of the compiler; ``capability`` times ten."""
     from unveil_core.raster.passes import TILE
     from unveil_core.raster.triton import backend as b
     from unveil_core.raster.triton import backward, binning, ellipsoids, forward, label_distortion, per_surfel
@@ -69,11 +69,11 @@ def _kernels() -> Iterator[tuple[Any, str, dict[str, Any], dict[str, Any]]]:
 
     for rows in DEGREES:
         degree = {"COEFFICIENTS": rows, "SH_ROWS": rows, "BLOCK": b.BLOCK}
-        yield per_surfel.project, f"{rows} coefficients", {**degree, "TILE": TILE}, {"num_warps": 4}
-        yield per_surfel.chain, f"{rows} coefficients", {**degree, "SUMS": SUMS}, {"num_warps": 4}
+        yield per_surfel.project, f"{rows} coefficients", {**degree, "TILE": TILE}, {"num_warps": 4, **b.FUSED}
+        yield per_surfel.chain, f"{rows} coefficients", {**degree, "SUMS": SUMS}, {"num_warps": 4, **b.FUSED}
     degree = {"COEFFICIENTS": 1, "SH_ROWS": 1, "BLOCK": b.BLOCK}
-    yield ellipsoids.project_ellipsoids, "1 coefficient", {**degree, "TILE": TILE}, {"num_warps": 4}
-    yield ellipsoids.chain_ellipsoids, "1 coefficient", {**degree, "SUMS": SUMS}, {"num_warps": 4}
+    yield ellipsoids.project_ellipsoids, "1 coefficient", {**degree, "TILE": TILE}, {"num_warps": 4, **b.FUSED}
+    yield ellipsoids.chain_ellipsoids, "1 coefficient", {**degree, "SUMS": SUMS}, {"num_warps": 4, **b.FUSED}
     for kernel in (binning.count_tiles, binning.list_tiles):
         yield kernel, "", {"BLOCK": binning.BLOCK}, {"num_warps": 1, "enable_fp_fusion": False}
     for name, geometry, labels in (
@@ -84,17 +84,17 @@ def _kernels() -> Iterator[tuple[Any, str, dict[str, Any], dict[str, Any]]]:
         ("geometry, 19 labels", True, 19),
     ):
         planes = {"GEOMETRY": geometry, "KEPT_PLANES": KEPT if geometry else KEPT_FLAT}
-        options = {"num_warps": b.FORWARD_WARPS, "maxnreg": b.forward_registers(labels)}
+        options = {"num_warps": b.FORWARD_WARPS, "maxnreg": b.forward_registers(labels, capability // 10), **b.FUSED}
         yield forward.forward, name, {**planes, "LABELS": labels, "KEEP": True}, options
         if labels < 19:
             row = {**planes, "SEMANTICS": labels > 0, "ROW": 20 if geometry else 16}
-            yield backward.backward, name.replace("8 labels", "labels"), row, {"num_warps": b.BACKWARD_WARPS}
+            yield backward.backward, name.replace("8 labels", "labels"), row, {"num_warps": b.BACKWARD_WARPS, **b.FUSED}
     for row_size in (16, 20):
-        yield backward.sum_rows, f"{row_size} numbers", {"ROW": row_size, "SUMS": SUMS}, {"num_warps": 1}
+        yield backward.sum_rows, f"{row_size} numbers", {"ROW": row_size, "SUMS": SUMS}, {"num_warps": 1, **b.FUSED}
     kept = {"KEPT_PLANES": KEPT}
-    yield label_distortion.label_keys, "", {"LABELS": 19, "BLOCK": 256}, {"num_warps": 4}
-    yield label_distortion.label_forward, "", kept, {"num_warps": b.LABEL_WARPS}
-    yield label_distortion.label_backward, "", {**kept, "ROW": 20}, {"num_warps": b.LABEL_WARPS}
+    yield label_distortion.label_keys, "", {"LABELS": 19, "BLOCK": 256}, {"num_warps": 4, **b.FUSED}
+    yield label_distortion.label_forward, "", kept, {"num_warps": b.LABEL_WARPS, **b.FUSED}
+    yield label_distortion.label_backward, "", {**kept, "ROW": 20}, {"num_warps": b.LABEL_WARPS, **b.FUSED}
 
 
 def _build(kernel: Any, constants: dict[str, Any], options: dict[str, Any], capability: int) -> dict[str, Any]:
@@ -120,10 +120,10 @@ def _build(kernel: Any, constants: dict[str, Any], options: dict[str, Any], capa
 
 
 def _main(capabilities: list[str], only: str) -> None:
-    for kernel, variant, constants, options in _kernels():
-        if not re.search(only, kernel.__name__):
-            continue
-        for capability in map(int, capabilities):
+    for capability in map(int, capabilities):
+        for kernel, variant, constants, options in _kernels(capability):
+            if not re.search(only, kernel.__name__):
+                continue
             row = {"kernel": kernel.__name__, "variant": variant, "capability": capability}
             row["warps"] = options["num_warps"]
             print(json.dumps({**row, **_build(kernel, constants, options, capability)}), flush=True)

@@ -90,14 +90,19 @@ def _error(found: Tensor | None, expected: Tensor) -> float:
 
 
 class _Waited:
-    """A pass to time on a GPU: what it started must have ended."""
+    """A pass to time: what it started on a GPU must have ended."""
 
-    def __init__(self, run: Callable[[], Any]) -> None:
-        self.run = run
+    def __init__(self, run: Callable[[], Any], device: str) -> None:
+        self.run, self.on_gpu = run, _is_gpu(device)
 
     def __call__(self) -> None:
         self.run()
-        torch.cuda.synchronize()
+        if self.on_gpu:
+            torch.cuda.synchronize()
+
+
+def _is_gpu(device: str) -> bool:
+    return torch.device(device).type == "cuda"
 
 
 def _pass(surfels: Surfels, camera: Camera, planes: Sequence[str], *, backward: bool) -> Callable[[], None]:
@@ -109,7 +114,8 @@ def _pass(surfels: Surfels, camera: Camera, planes: Sequence[str], *, backward: 
     def run() -> None:
         for name in LEAVES:
             getattr(leaves, name).grad = None
-        out = render(leaves, camera, planes, label_count=LABELS, near=NEAR, far=FAR, check=False)
+        options: dict[str, Any] = {"label_count": LABELS, "near": NEAR, "far": FAR, "check": False}
+        out = render(leaves, camera, planes, backend="triton", **options)
         if backward:
             torch.autograd.backward([getattr(out, p) for p in planes], gradients)
 
@@ -120,31 +126,33 @@ def pass_times(count: int, size: tuple[int, int], *, rounds: int, device: str = 
     """Milliseconds of forward, and of forward and backward, by planes; in alternation with gsplat's 2DGS kernels, if installed.
 
     Args:
-        count: surfels of the corridor. size: width and height. rounds: how often each is run. device: a GPU.
+        count: surfels of the corridor. size: width and height. rounds: how often each is run. device: a GPU; or "cpu", where the
+            kernels run in Triton's interpreter, whose times tell nothing but that the measurement works.
     Returns:
-        "ms" by name; "intersections"; and of all planes "bytes_computed" and "bytes_measured" at the peak.
+        "ms" by name; "intersections"; and of all planes "bytes_computed" and, on a GPU, "bytes_measured" at the peak.
     """
     camera, surfels = corridor_camera(*size), corridor(count).to(device)
     runs: dict[str, Callable[[], Any]] = {}
     for name, planes in FEW.items():
-        runs[f"{name}: forward"] = _Waited(_pass(surfels, camera, planes, backward=False))
-        runs[f"{name}: forward and backward"] = _Waited(_pass(surfels, camera, planes, backward=True))
-    if gsplat_is_there():
+        runs[f"{name}: forward"] = _Waited(_pass(surfels, camera, planes, backward=False), device)
+        runs[f"{name}: forward and backward"] = _Waited(_pass(surfels, camera, planes, backward=True), device)
+    if _is_gpu(device) and gsplat_is_there():
         rival = GsplatKernels(surfels, camera)
-        runs["gsplat 2DGS, colour, normal, distortion: forward"] = _Waited(rival.forward)
-        runs["gsplat 2DGS, colour, normal, distortion: forward and backward"] = _Waited(rival.run)
+        runs["gsplat 2DGS, colour, normal, distortion: forward"] = _Waited(rival.forward, device)
+        runs["gsplat 2DGS, colour, normal, distortion: forward and backward"] = _Waited(rival.run, device)
     row: dict[str, Any] = {"surfels": count, "size": size, "ms": alternate(runs, rounds=rounds)}
     row["intersections"] = intersections(surfels, camera)
-    run = _pass(surfels, camera, PLANES, backward=True)
-    del runs
-    torch.cuda.empty_cache()
-    before = torch.cuda.memory_allocated()
-    torch.cuda.reset_peak_memory_stats()
-    run()
     computed = step_bytes(count, row["intersections"], *size, LABELS, PLANES)
     # The leaves, the gradients by plane and Adam are not of the pass.
     row["bytes_computed"] = computed["peak"] - computed["adam"] - computed["parameters"] - computed["planes"]
-    row["bytes_measured"] = torch.cuda.max_memory_allocated() - before
+    if _is_gpu(device):
+        run = _pass(surfels, camera, PLANES, backward=True)
+        del runs
+        torch.cuda.empty_cache()
+        before = torch.cuda.memory_allocated()
+        torch.cuda.reset_peak_memory_stats()
+        run()
+        row["bytes_measured"] = torch.cuda.max_memory_allocated() - before
     return row
 
 
@@ -184,7 +192,7 @@ def reached_tiles(surfels: Surfels, camera: Camera) -> tuple[int, int]:
 def kernel_times(count: int, size: tuple[int, int], *, device: str = "cuda") -> dict[str, float]:
     """Milliseconds on the GPU of each kernel of one forward and backward pass of all planes, by name, the longest first."""
     camera, surfels = corridor_camera(*size), corridor(count).to(device)
-    run = _Waited(_pass(surfels, camera, PLANES, backward=True))
+    run = _Waited(_pass(surfels, camera, PLANES, backward=True), device)
     run()
     with torch.profiler.profile(activities=[torch.profiler.ProfilerActivity.CUDA]) as profile:
         run()
@@ -211,7 +219,7 @@ def warp_times(count: int, size: tuple[int, int], *, rounds: int, device: str = 
     choices = [own, *((f, own[1], own[2]) for f in (2, 8)), *((own[0], b, own[2]) for b in (1, 4))]
     choices += [(own[0], own[1], label) for label in (1, 4)]
     names = {"forward {}, backward {}, label distortion {}".format(*choice): choice for choice in choices}
-    runs = {name: _Waited(partial(with_warps, *choice)) for name, choice in names.items()}
+    runs = {name: _Waited(partial(with_warps, *choice), device) for name, choice in names.items()}
     try:
         return alternate(runs, rounds=rounds)
     finally:

@@ -15,9 +15,19 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from unveil_core.base.surroundings.programs import program
 
-__all__ = ["alternate", "forget_peak_memory", "machine", "program_commit", "second_process_seconds"]
+__all__ = [
+    "alternate",
+    "core_seconds",
+    "forget_peak_memory",
+    "machine",
+    "processor_seconds",
+    "program_commit",
+    "second_process_seconds",
+]
 
 
 def alternate(
@@ -124,3 +134,15 @@ def second_process_seconds() -> float:
         subprocess.run([sys.executable, "-c", _FIRST_PASS], check=True)
         took = time.perf_counter() - begun
     return round(took, 2)
+
+
+def processor_seconds() -> float:
+    """Seconds that all threads of this process, and of those that it started and that have ended, took so far: unlike the time on a
+    clock they tell little of what else the machine does."""
+    taken = os.times()
+    return taken.user + taken.system + taken.children_user + taken.children_system
+
+
+def core_seconds() -> list[float]:
+    """Seconds that each core was busy since the machine started, for whomever."""
+    return [core.user + core.system + getattr(core, "nice", 0.0) for core in psutil.cpu_times(percpu=True)]

@@ -13,16 +13,19 @@ from numpy.typing import NDArray
 from unveil_core.base.mechanisms import on
 from unveil_core.base.plates.colours import PlateColours
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.delivery.detail import FINER_THAN, BestSource, sensor_noise, with_detail
+from unveil_core.delivery.detail import FINER_THAN, BestSource, Detail, sensor_noise
 from unveil_core.delivery.lens import footage_positions, work_positions
+from unveil_core.delivery.moved_ground import ground_points
+from unveil_core.delivery.seen_ground import SeenGround, seen_ground
 from unveil_core.delivery.shifts import GroundShifts
-from unveil_core.delivery.views import FINER, EmptyViews, choose_sources, nearest_depth, places_behind, sees
+from unveil_core.delivery.views import FINER, EmptyViews, choose_sources, ground_before, sees
 from unveil_core.drives.drive import Footage
 from unveil_core.drives.exposure import Exposure
+from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import resampled, sample_at
 from unveil_core.ground.street import Ground
 
-__all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame", "in_exposure", "put_colors"]
+__all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame", "in_exposure", "put_colors", "reduced"]
 
 SOURCES = 6
 """Frames at most whose footage a frame takes detail from: more show little else, and each costs a look at its whole picture."""
@@ -60,7 +63,7 @@ class FullSize:
     """What is the same for all frames of a drive.
 
     Attributes:
-        views: of all frames; footage: pictures of the frames' files as they are, by index.
+        views: of all frames; footage: pictures of the frames' files as they are, by index; coarse: the same, :func:`reduced`.
         lenses: of all frames; exposures: of all frames.
         grain: (H, W) of a frame's file, by index and pixels of the Gaussian that it is finer than, see ``detail.grain_of``.
         ground: the street's, None where there is none; shifts: for its invented parts.
@@ -68,6 +71,7 @@ class FullSize:
 
     views: EmptyViews
     footage: Callable[[int], NDArray[Any]]
+    coarse: Callable[[int], Float32]
     lenses: Sequence[Footage]
     exposures: Sequence[Exposure]
     grain: Callable[[int, float], Float32]
@@ -86,13 +90,19 @@ def as_color(picture: NDArray[Any]) -> Float32:
     return color.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
 
 
+def _colors_at(picture: NDArray[Any], mask: Mask) -> Float32:
+    """(N, 3) as :func:`as_color`, of the pixels of a mask (H, W) alone."""
+    return as_color(picture[mask][:, None])[:, 0]
+
+
 def put_colors(picture: NDArray[Any], mask: Mask, colors: Float32) -> None:
     """Write colours (N, 3) in [0, 1] into a file's picture where the mask (H, W) is, in its channels and bits; it is opaque there:
     who marks what is to go by transparency wants to see what is put in. A plate, float32, takes what is brighter, too."""
     if picture.dtype == np.float32:
         picture[mask] = colors
         return
-    levels = np.clip(np.round(colors * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
+    levels = colors * np.float32(np.iinfo(picture.dtype).max)
+    np.clip(np.round(levels, out=levels), 0, np.iinfo(picture.dtype).max, out=levels)
     if picture.ndim == 2:
         picture[mask] = (levels @ np.array([0.299, 0.587, 0.114])).astype(picture.dtype)
     else:
@@ -118,36 +128,49 @@ def full_size_frame(frame: CleanFrame, index: int, drive: FullSize, picture: NDA
     relit = (resampled(frame.relit.astype(np.float32), at, cv2.INTER_LINEAR) > 0) & ~removed
     if not (removed.any() or relit.any()):
         return picture
-    rows, columns = _box(removed | relit, round(12 * scale))
-    part = (rows, columns)
-    removed, relit, at = removed[part], relit[part], np.ascontiguousarray(at[part])
-    original = as_color(picture[part])
-    result = original.copy()
-    lit = original
+    part = _box(removed | relit, round(12 * scale))
+    removed, relit, at = removed[part], relit[part], at[part]
+    original, out = picture[part], picture.copy()
+    inside = out[part]
     if relit.any():
-        lit = _relit(frame, at, original)
-        result[relit] = lit[relit]
+        put_colors(inside, relit, _relit(frame, at[relit].astype(np.float64), _colors_at(original, relit)))
     if removed.any():
-        base = resampled(frame.clean.astype(np.float32) / 255, at, cv2.INTER_CUBIC)
-        sharp = _sharpened(base, original, removed, at, index, drive, scale)
-        inward = cv2.distanceTransform(removed.astype(np.uint8), cv2.DIST_L2, 3)
-        share = np.clip(inward / (scale + 1.0), 0, 1)[..., None]
-        result = np.where(removed[..., None], _mixed(lit, sharp, share, frame.footage.plate), result)
-    changed = removed | relit
-    out = picture.copy()
-    put_colors(out[part], changed, result[changed])
+        put_colors(
+            inside, removed, _filled(frame, original, removed, at[removed].astype(np.float64), index, drive, scale)
+        )
     return out
 
 
+def _filled(
+    frame: CleanFrame, original: NDArray[Any], removed: Mask, at: Float64, index: int, drive: FullSize, scale: float
+) -> Float32:
+    """(N, 3) colours of the removed pixels of a box of the footage: the clean frame in full detail, with a seam along the footage.
+
+    Args:
+        original: (H, W…) the box as the file has it; removed: (H, W) bool; at: (N, 2) their positions in the working picture.
+    """
+    colors = _sharpened(frame, original, removed, at, index, drive, scale)
+    inward = cv2.distanceTransform(removed.astype(np.uint8), cv2.DIST_L2, 3)[removed]
+    border = inward < scale + 1.0
+    share = (inward[border] / np.float32(scale + 1.0))[:, None]
+    seam = removed.copy()
+    seam[removed] = border
+    below = _colors_at(original, seam)
+    if frame.relit.any():  # beside the object its shadow went, too
+        below = _relit(frame, at[border], below)
+    colors[border] = _mixed(below, colors[border], share, frame.footage.plate)
+    return colors
+
+
 def _mixed(below: Float32, above: Float32, share: Float32, plate: PlateColours | None) -> Float32:
-    """(H, W, 3) a picture above another by its share (H, W, 1), in linear light as a lens mixes what it does not resolve."""
+    """(N, 3) colours above others by their share (N, 1), in linear light as a lens mixes what it does not resolve."""
     colours = plate or ENCODED
     light = colours.linear(below) * (1 - share) + colours.linear(above) * share
     return colours.of_linear(light).astype(np.float32)
 
 
-def _relit(frame: CleanFrame, at: Float32, original: Float32) -> Float32:
-    """(H, W, 3) the footage ``original`` (H, W, 3) with the light that the relit pixels around its positions (H, W, 2) gained.
+def _relit(frame: CleanFrame, at: Float64, original: Float32) -> Float32:
+    """(N, 3) colours ``original`` (N, 3) of the footage with the light that the relit pixels around their positions (N, 2) gained.
 
     Where they gained more than ``RATIOS`` allow, the colour is still theirs, and only the footage's detail is held back: with each
     channel held for itself the shade of a car, which is dark and blue, would stay blue.
@@ -155,11 +178,10 @@ def _relit(frame: CleanFrame, at: Float32, original: Float32) -> Float32:
     before, after = (p.astype(np.float32) / 255 + DARKEST for p in (frame.photograph, frame.clean))
     weight = frame.relit[..., None].astype(np.float32)
     # Beside them lie pixels of removed objects, whose change is no light.
-    share = np.atleast_3d(resampled(weight, at, cv2.INTER_LINEAR))
+    share = sample_at(weight, at)
     some = np.maximum(share, 1e-3)
     change, dark, light = (
-        resampled(plane * weight, at, cv2.INTER_LINEAR) / some
-        for plane in (np.clip(after / before, *RATIOS) - 1, before, after)
+        sample_at(plane * weight, at) / some for plane in (np.clip(after / before, *RATIOS) - 1, before, after)
     )
     lit = light + (original + DARKEST - dark) * (1 + change) - DARKEST
     return np.where(share > 1e-3, lit, original).astype(np.float32)
@@ -172,63 +194,92 @@ def _box(mask: Mask, margin: int) -> tuple[slice, slice]:
 
 
 def _sharpened(
-    base: Float32, original: Float32, removed: Mask, at: Float32, index: int, drive: FullSize, scale: float
+    frame: CleanFrame, original: NDArray[Any], removed: Mask, at: Float64, index: int, drive: FullSize, scale: float
 ) -> Float32:
-    """(H, W, 3) the clean frame with all detail that is known of it.
+    """(N, 3) the clean frame at removed pixels, with all detail that is known of it; arguments as of :func:`_filled`."""
+    view = drive.views.frames[index]
+    # A pixel of the footage lies between four of working size, one of which is removed.
+    asked = cv2.dilate(frame.removed.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    ground = seen_ground(view.camera, asked, drive.ground)
+    detail, sources = _detail(frame, asked, ground, index, drive)
+    colors = sample_at(_levels(frame.clean), at, cv2.INTER_CUBIC)
+    depth = sample_at(view.depth, at, cv2.INTER_NEAREST)[:, 0].astype(np.float64)
+    met = ground.met(at)
+    on_ground = ground_before(met[:, 0], depth)
+    depth = np.where(on_ground, met[:, 0], depth)
+    source, difference, believed = detail.at(at)
+    for k, j in enumerate(sources):
+        mine = np.flatnonzero(source == k)
+        if len(mine):
+            points = view.camera.centre + depth[mine, None] * view.camera.rays_at(at[mine])
+            pixels, _ = footage_positions(drive.lenses[j], points)
+            fine = in_exposure(_sampled(drive.footage(j), pixels), drive.exposures[j], drive.exposures[index])
+            colors[mine] += believed[mine, None] * (fine + difference[mine] - colors[mine])
+    grain = _ground_grain(met[:, 1:], on_ground & (believed < 1), index, drive, sources, scale)
+    if on("sensor_noise"):
+        noise = sensor_noise(original, ~removed, scale, seed=index)[removed]
+        grain = np.where(np.isnan(grain), noise, grain)
+    else:
+        grain = np.nan_to_num(grain)
+    colors += ((1 - believed) * grain)[:, None]
+    return colors
+
+
+def _levels(picture: NDArray[np.uint8]) -> Float32:
+    """A picture (H, W, 3) in [0, 1]."""
+    return picture.astype(np.float32) / np.float32(255)
+
+
+def _detail(
+    frame: CleanFrame, asked: Mask, ground: SeenGround, index: int, drive: FullSize
+) -> tuple[Detail, list[int]]:
+    """Where the detail of a clean frame comes from, and the frames that it numbers, the best first.
 
     Args:
-        base: (H, W, 3) enlarged; original: (H, W, 3) of the footage; removed: (H, W) bool.
-        at: (H, W, 2) positions in the working picture.
+        asked: (h, w) bool, pixels of working size.
     """
-    camera = drive.views.cameras[index]
-    rays = camera.rays_at(at[removed].astype(np.float64))
-    of_scene = nearest_depth(drive.views.frames[index], at)[removed].astype(np.float64)
-    behind = places_behind(camera, rays, of_scene, drive.ground)
-    depth, points, on_ground, street = behind.depth, behind.points, behind.on_ground, behind.street
+    camera, view = drive.views.cameras[index], drive.views.frames[index]
+    where: tuple[NDArray[np.int64], ...] = np.nonzero(asked)
+    at = np.stack([where[1], where[0]], axis=1).astype(np.float64) + 0.5
+    met, depth = ground.met(at), view.depth[asked].astype(np.float64)
+    on_ground = ground_before(met[:, 0], depth)
+    depth = np.where(on_ground, met[:, 0], depth)
     known = depth > 0
-    made = np.zeros(len(rays), dtype=bool)
     if drive.shifts is not None:
-        made[on_ground] = drive.shifts.is_made(street[on_ground])
-    elsewhere = known & ~made
-    sources = choose_sources(points[elsewhere], index, drive.views, SOURCES)
-    size = depth / camera.fx
-    best = BestSource(base, scale)
-    for j in sources if on("footage_detail") else ():
-        colors, finer = _seen_in(points, elsewhere, j, drive, size)
-        colors = in_exposure(colors, drive.exposures[j], drive.exposures[index])
-        shown = _scattered(np.minimum(finer, FINER), removed)
-        best.add(*with_detail(base, _scattered(colors, removed), shown > 0, scale), shown)
-    result = base + best.believed[..., None] * (best.picture - base)
-    bare = 1.0 - best.believed
-    grain = _ground_grain(street, on_ground & (bare[removed] > 0), index, removed, drive, sources, scale)
-    noise = sensor_noise(original, ~removed, scale, seed=index) if on("sensor_noise") else 0
-    grain = np.where(np.isnan(grain), noise, grain)
-    return result + (bare * grain)[..., None]
+        known[on_ground] &= ~drive.shifts.is_made(met[on_ground, 1:])
+    where, depth = tuple(i[known] for i in where), depth[known]
+    points = camera.centre + depth[:, None] * camera.rays_at(at[known])
+    sources = choose_sources(points, index, drive.views, SOURCES)
+    part = _box(asked, round(4 * FINER_THAN)) if asked.any() else np.s_[:, :]
+    best = BestSource(_levels(frame.clean[part]))
+    for k, j in enumerate(sources if on("footage_detail") else ()):
+        seen, _, there = sees(drive.views.frames[j], points)
+        if len(seen):
+            picture, finer = np.zeros((*asked.shape, 3), np.float32), np.zeros(asked.shape, np.float32)
+            pixel = tuple(i[seen] for i in where)
+            coarse, of_file = drive.coarse(j), drive.lenses[j].camera
+            pixels, _ = footage_positions(drive.lenses[j], points[seen])
+            colors = sample_at(coarse, pixels * (coarse.shape[1] / of_file.width, coarse.shape[0] / of_file.height))
+            picture[pixel] = in_exposure(colors, drive.exposures[j], drive.exposures[index])
+            finer[pixel] = np.minimum(depth[seen] / camera.fx / (there / drive.views.cameras[j].fx), FINER)
+            best.add(k, picture[part], finer[part])
+    found = best.found
+    whole = Detail(
+        np.full(asked.shape, -1, np.int32), np.zeros((*asked.shape, 3), np.float32), np.zeros(asked.shape, np.float32)
+    )
+    whole.source[part], whole.difference[part], whole.believed[part] = found.source, found.difference, found.believed
+    return whole, sources
 
 
-def _scattered(values: NDArray[np.generic], mask: Mask) -> Float32:
-    plane = np.zeros((*mask.shape, *values.shape[1:]), np.float32)
-    plane[mask] = values
-    return plane
-
-
-def _seen_in(
-    points: Float64, asked: Mask, j: int, drive: FullSize, size: Float64
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Colours (N, 3) of world points in the footage of frame ``j``, and how many times finer it shows them (N,), 0 = not at all.
+def reduced(picture: NDArray[Any], footage: Footage, camera: Camera) -> Float32:
+    """(h, w, 3) float32 a footage's picture, in its own lens, no finer than its working picture.
 
     Args:
-        points: (N, 3); asked: (N,) those that are looked for; size: (N,) metres of a pixel there in the frame that asks.
+        camera: of working size.
     """
-    found, finer = np.zeros((len(points), 3), np.float32), np.zeros(len(points), np.float32)
-    some = np.flatnonzero(asked)
-    seen, _, depth = sees(drive.views.frames[j], points[some])
-    some = some[seen]
-    if len(some):
-        pixels, _ = footage_positions(drive.lenses[j], points[some])
-        found[some] = _sampled(drive.footage(j), pixels)
-        finer[some] = size[some] / (depth / drive.views.cameras[j].fx)
-    return found, finer
+    factor = min(1.0, camera.width / footage.camera.width)
+    size = tuple(max(1, round(side * factor)) for side in picture.shape[1::-1])
+    return as_color(picture if factor == 1.0 else cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
 
 
 def _sampled(picture: NDArray[Any], pixels: Float64) -> Float32:
@@ -248,29 +299,27 @@ def in_exposure(colors: NDArray[np.float32], there: Exposure, here: Exposure) ->
 
 
 def _ground_grain(
-    street: Float64, asked: Mask, index: int, removed: Mask, drive: FullSize, sources: Sequence[int], scale: float
+    street: Float64, asked: Mask, index: int, drive: FullSize, sources: Sequence[int], scale: float
 ) -> Float32:
-    """(H, W) grain of ground that nobody saw, from ground of its kind a shift away; NaN where there is none.
+    """(N,) grain of ground that nobody saw, from ground of its kind a shift away; NaN where there is none.
 
     Args:
-        street: (N, 3) street coordinates of the removed pixels; asked: (N,) bool, which of them are looked for.
+        street: (N, 2) street coordinates of the removed pixels; asked: (N,) bool, which of them are looked for.
     """
-    grain = np.full(removed.shape, np.nan, np.float32)
-    if drive.ground is None or drive.shifts is None or not asked.any() or not on("ground_grain"):
-        return grain
-    moved = np.full((len(street), 2), np.nan)
-    moved[asked] = drive.shifts.at(street[asked])
-    some = np.flatnonzero(np.isfinite(moved).all(axis=1))
-    if not len(some):
-        return grain
-    s, t = (street[some, :2] + moved[some]).T
-    points = drive.ground.path.to_world(np.stack([s, t, drive.ground.height_at(s, t)], axis=1))
     found = np.full(len(street), np.nan, np.float32)
+    if drive.ground is None or drive.shifts is None or not asked.any() or not on("ground_grain"):
+        return found
+    some = np.flatnonzero(asked)
+    moved = drive.shifts.at(street[some])
+    known = np.isfinite(moved[:, 0])
+    some = some[known]
+    points = ground_points(drive.ground, street[some] + moved[known])
     for j in (index, *sources[:GRAIN_SOURCES]):
-        open_ = np.flatnonzero(np.isnan(found[some]))
-        open_ = open_[sees(drive.views.frames[j], points[open_])[0]]
-        if len(open_):
-            pixels, _ = footage_positions(drive.lenses[j], points[open_])
-            found[some[open_]] = sample_at(drive.grain(j, FINER_THAN * scale), pixels, cv2.INTER_CUBIC)[:, 0]
-    grain[removed] = found
-    return grain
+        seen = sees(drive.views.frames[j], points)[0]
+        if len(seen):
+            pixels, _ = footage_positions(drive.lenses[j], points[seen])
+            found[some[seen]] = sample_at(drive.grain(j, FINER_THAN * scale), pixels, cv2.INTER_CUBIC)[:, 0]
+            left = np.ones(len(some), dtype=bool)
+            left[seen] = False
+            some, points = some[left], points[left]
+    return found

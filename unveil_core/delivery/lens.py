@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from unveil_core.geometry.lens import distorted, undistorted
 
 __all__ = ["footage_positions", "picture_positions", "work_positions", "write_st_maps"]
 
+_lock = Lock()
 KEPT_LENSES = 4
 """Lenses whose positions are kept, 8 bytes a pixel: frames of a camera share one, and follow each other."""
 
@@ -38,7 +40,8 @@ def work_positions(footage: Footage, camera: Camera) -> Float32:
     Args:
         footage: with its lens; camera: of the working picture, with the same pose.
     """
-    return _positions_of_lens(footage.camera.intrinsics, footage.distortion, camera.intrinsics)
+    with _lock:  # of threads that ask for one lens at once one finds its positions
+        return _positions_of_lens(footage.camera.intrinsics, footage.distortion, camera.intrinsics)
 
 
 @lru_cache(maxsize=KEPT_LENSES)

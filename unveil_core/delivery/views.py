@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +24,7 @@ __all__ = [
     "PlacesBehind",
     "choose_sources",
     "depth_of",
+    "ground_before",
     "others_near",
     "places_behind",
     "sees",
@@ -185,13 +185,16 @@ def places_behind(camera: Camera, rays: Float64, depth: Float64, ground: Ground 
     street, on_ground = np.zeros((len(rays), 3)), np.zeros(len(rays), dtype=bool)
     if ground is not None:
         met, street = ground.intersect(camera, rays)
-        on_ground = np.isfinite(met) & ((depth == 0) | (met - depth < ON_GROUND * met))
+        on_ground = ground_before(np.where(np.isfinite(met), met, 0), depth)
         depth = np.where(on_ground, met, depth)
     return PlacesBehind(depth, camera.centre + depth[:, None] * rays, on_ground, street)
 
 
-def nearest_depth(view: EmptyView, positions: Float32) -> Float32:
-    """(H, W) depth at positions (H, W, 2) of the working picture, of the nearest pixel: at an edge none between."""
-    return cv2.remap(
-        view.depth, positions[..., 0] - 0.5, positions[..., 1] - 0.5, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE
-    )
+def ground_before(met: Float64, depth: Float64) -> Mask:
+    """(N,) which rays show the ground.
+
+    Args:
+        met: (N,) depth at which they meet it, 0 where they do not; depth: (N,) of the empty scene, 0 where it has no surface.
+    """
+    shown: Mask = (met > 0) & ((depth == 0) | (met - depth < ON_GROUND * met))
+    return shown

@@ -4,6 +4,7 @@
 """
 
 from unveil_core.exports.job import Job
-from unveil_core.exports.registry import FORMATS, ExportFormat, export
+from unveil_core.exports.registry import FORMATS, ExportFormat
+from unveil_core.exports.writing import export
 
 __all__ = ["FORMATS", "ExportFormat", "Job", "export"]

@@ -165,7 +165,7 @@ def plan_batch(
     before = _batch_before(root, drives, replace)
     planned: list[BatchDrive] = []
     tasks: list[Task] = []
-    machine = this_machine()
+    machine = this_machine(device=_device_of(settings))
     for path in drives:
         name = _name(path, [d.name for d in planned], root / "drives")
         try:
@@ -180,6 +180,15 @@ def plan_batch(
     if not planned:
         raise SettingsError("no drive to plan", mend="name one or more that can be read")
     return Batch(root, tuple(planned), tuple(tasks), () if before is None else before.files)
+
+
+def _device_of(settings: RunSettings) -> str:
+    """The device whose times forecast the tasks: with a card they are others, which runs keep apart. A machine that only plans need
+    not have the card that its workers have."""
+    try:
+        return name_of_device(settings.device)
+    except SettingsError:
+        return CPU.name
 
 
 def _batch_before(root: Path, drives: Sequence[Path], replace: bool) -> Batch | None:
@@ -232,7 +241,7 @@ def _planned(path: Path, name: str, root: Path, settings: RunSettings, machine: 
         work.blocks,
         round(expected.memory_mb),
         round(sum(expected.seconds.values())),
-        int(settings.device == "cuda" or name_of_device(settings.device) != CPU.name),
+        int(settings.device == "cuda" or _device_of(settings) != CPU.name),
     )
 
 

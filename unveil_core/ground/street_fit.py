@@ -47,7 +47,8 @@ APART_CELLS, FEWEST_APART = 3, 12
 wall across the street a few points lie behind and below it, where no frame looks: they would lead the street on, and down."""
 WALL_FOOT_M, WALL_TOP_M = 0.4, 6.0
 """Heights over the ground between which a point on a facade, wall or fence tells where the street ends."""
-FEWEST_OF_WALLS = 50
+FEWEST_OF_WALLS, UNDER_WALL_M = 50, 0.3
+"""Points of walls without which they tell nothing; and how far the ground goes on under a wall, metres."""
 LOW_M, UNDER_CELLS, ROUND_M = 1.0, 2, 0.3
 """What could be removed tells by its parts up to this height that ground is under it, so many cells before and behind as well, and
 so far around it, metres: frames show the sides of a car, and no more of its ends than of what stands behind."""
@@ -244,7 +245,8 @@ def _wall_limit(side: Float64, s_low: float, fallback: Float64) -> Float64:
     index = np.arange(rows)
     first, last = np.searchsorted(row, index - 3, "left"), np.searchsorted(row, index + 3, "right")
     for r in np.flatnonzero(last - first >= 15):
-        limit[r] = max(fallback[r], float(np.percentile(offset[first[r] : last[r]], 15)))
+        # Under the wall, not only up to it: between ground that ends too early and a wall a camera would see the sky.
+        limit[r] = max(fallback[r], float(np.median(offset[first[r] : last[r]])) + UNDER_WALL_M)
     known = np.flatnonzero(np.isfinite(limit))
     if not len(known):
         return fallback

@@ -21,7 +21,7 @@ from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings, Look
 from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree
 from unveil_core.optimize.adaptation.probes import hide, probed_frames
 from unveil_core.optimize.start import SKY_ROWS, StartSettings, random_scene, start_scene, start_sky
-from unveil_core.optimize.training.card_memory import largest_step, place_for
+from unveil_core.optimize.training.card_memory import StepSize, largest_step, place_for, trial_of_degrees
 from unveil_core.optimize.training.density import DensitySettings
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.optimize.training.parameters import LearningRates
@@ -177,8 +177,13 @@ def reconstruct(
     sky_choice: dict[str, Any] = {}
     if sky is None:
         sky, sky_choice = start_sky(drive, scene, images, labels, surfels, rows, hidden, cache)
-    most, cameras = max(len(surfels), settings.budget), [f.camera for f in drive.frames]
-    place = place_for(current_device(), lambda: largest_step(most, settings.sh_degree, cameras, len(scene.labels)))
+
+    def steps() -> tuple[StepSize, ...]:
+        most, cameras = max(len(surfels), settings.budget), [f.camera for f in drive.frames]
+        step = largest_step(most, settings.sh_degree, cameras, len(scene.labels))
+        return (step,) if "sh_degree" in settings.given else (step, trial_of_degrees(step, len(surfels)))
+
+    place = place_for(current_device(), steps)
     if place.why:
         progress(0, settings.iterations, place.why)
     there = torch.device(place.device.name)

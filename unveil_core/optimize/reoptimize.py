@@ -97,8 +97,8 @@ def reoptimize(
         made = training_view(*targets[i], None, None, sky)
         return made if depths is None else replace(made, depth=torch.from_numpy(depths[i].astype(np.float32)))
 
-    def largest() -> StepSize:
-        return largest_step(len(surfels), surfels.sh_degree, (camera for camera, _ in targets), label_count)
+    def largest() -> tuple[StepSize, ...]:
+        return (largest_step(len(surfels), surfels.sh_degree, (camera for camera, _ in targets), label_count),)
 
     place = place_for(current_device(), largest)
     device, room = place.device, place.fine_bytes + place.coarse_bytes

@@ -170,6 +170,7 @@ STAGES: tuple[Stage, ...] = (
         outputs=(
             "surfels/empty.ply",
             "renders",
+            "depths",
             "clean",
             "provenance",
             "certainty",
@@ -185,7 +186,7 @@ STAGES: tuple[Stage, ...] = (
             "drive",
             "movers",
             "clean",
-            "surfels/empty.ply",
+            "depths",
             "surfels/exposure.json",
             "ground",
             "inpaint/chart.npz",

@@ -13,7 +13,7 @@ from torch import Tensor
 from unveil_core.base.parallel import in_parallel
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.autograd import can_render_on, rasterize
-from unveil_core.raster.cpu.per_surfel import CHUNK, count_not_finite, label_ends
+from unveil_core.raster.checks import CHUNK, count_not_finite, label_ends
 from unveil_core.raster.reference import render_reference
 from unveil_core.raster.spec import MAX_LABELS, PLANES, Limits
 from unveil_core.surfels.surfels import Surfels

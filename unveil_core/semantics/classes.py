@@ -20,7 +20,6 @@ __all__ = [
     "REMOVABLE",
     "SIDE_CLASSES",
     "SLIM_CLASSES",
-    "SOLID_CLASSES",
     "THIN_CLASSES",
     "VOID",
     "LabelSet",
@@ -47,8 +46,6 @@ SIDE_CLASSES = ("building", "wall", "fence")
 """Surfaces that bound the ground beside the street."""
 BARRIER_CLASSES = ("vegetation", "wall", "fence")
 """What gardens are bounded by: hedges, walls and fences."""
-SOLID_CLASSES = ("building", "wall")
-"""Surfaces that reach down to the ground and are opaque, though cars may hide their foot."""
 THIN_CLASSES = ("pole", "traffic light", "traffic sign")
 """Objects so thin that labels and depth do not register there: no evidence for or against motion."""
 SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")

@@ -14,6 +14,7 @@ from unveil_core.base.output.written import GENERATOR, record_of
 from unveil_core.solve.events import Events, Reporter
 from unveil_core.solve.footage.kinds import is_clip, is_footage
 from unveil_core.solve.mapping.process import check_installed
+from unveil_core.solve.plan import SolvePlan, made_from, plan_solve
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.stages.decode import decode
 from unveil_core.solve.stages.fill import place_and_fill
@@ -23,7 +24,7 @@ from unveil_core.solve.stages.mapping import map_frames
 from unveil_core.solve.stages.rest import place_rest
 from unveil_core.solve.steps import Steps
 
-__all__ = ["Solved", "solve"]
+__all__ = ["Solved", "planned", "solve"]
 
 WORK = "solve"
 """Folder in the drive's for what steps leave behind."""
@@ -52,8 +53,9 @@ def solve(
     inputs = [Path(p) for p in inputs]
     _check_inputs(inputs)
     _check_output(output, inputs, settings)
+    output.mkdir(parents=True, exist_ok=True)
     check_installed("pycolmap", *(["av"] if any(is_clip(p) for p in inputs) else []))
-    begun = time.monotonic()
+    begun, source = time.monotonic(), made_from(inputs, settings)
     work = output / WORK
     steps, events = Steps(work), Events(reporter)
     write_json_atomic(output / RECORD, {"generator": GENERATOR, "state": "begun"})
@@ -62,8 +64,17 @@ def solve(
     model = map_frames(reels, looked, output, settings, steps, events)
     every = place_rest(model, reels, output, steps, events)
     found = place_and_fill(every, reels, looked, output, settings, steps, events)
-    facts = finish(every, found, reels, looked, output, settings, events, time.monotonic() - begun)
+    facts = finish(every, found, reels, looked, output, settings, events, source, time.monotonic() - begun)
     return Solved(output, facts)
+
+
+def planned(inputs: Sequence[Path], output: Path, settings: SolveSettings) -> SolvePlan:
+    """What :func:`solve` would do. Arguments and errors as there; nothing is written."""
+    inputs = [Path(p) for p in inputs]
+    _check_inputs(inputs)
+    _check_output(output, inputs, settings)
+    check_installed("pycolmap", *(["av"] if any(is_clip(p) for p in inputs) else []))
+    return plan_solve(inputs, output / RECORD, settings)
 
 
 def _check_inputs(inputs: Sequence[Path]) -> None:
@@ -96,4 +107,3 @@ def _check_output(output: Path, inputs: Sequence[Path], settings: SolveSettings)
         raise SettingsError(
             "Not replaced: no solve wrote it", path=output, mend="name another folder with -o, or add --replace"
         )
-    output.mkdir(parents=True, exist_ok=True)

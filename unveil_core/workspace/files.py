@@ -13,7 +13,8 @@ from unveil_core.base.checks.array_headers import load_npy
 from unveil_core.base.checks.names import is_file_name
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, read_own_json, write_atomic, write_image_atomic
-from unveil_core.base.pictures.decoding import read_label_image
+from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
+from unveil_core.base.types import Float32
 from unveil_core.drives.drive import Frame
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.workspace import Workspace
@@ -23,15 +24,20 @@ __all__ = [
     "known_objects",
     "listed_objects",
     "load_array",
+    "load_depth",
     "load_labels",
     "load_mask",
     "load_selection",
     "save_array",
+    "save_depth",
     "save_mask",
 ]
 
 
 MEND = "restore it, or run `unveil import` again"
+STEPS_PER_M = 256
+"""Of a depth image, as KITTI keeps depth."""
+FARTHEST_STEP = 2**16 - 1
 
 
 def load_labels(workspace: Workspace) -> SceneLabels:
@@ -80,6 +86,21 @@ def load_mask(path: Path) -> NDArray[np.bool_]:
 def save_mask(mask: NDArray[np.bool_], path: Path) -> None:
     """Write a mask as an 8-bit PNG, 255 where True."""
     write_image_atomic(path, np.where(mask, 255, 0).astype(np.uint8))
+
+
+def load_depth(path: Path) -> Float32:
+    """(H, W) metres of a depth image of :func:`save_depth`.
+
+    Raises:
+        DriveError: missing or damaged.
+    """
+    return read_instance_image(path).astype(np.float32) / np.float32(STEPS_PER_M)
+
+
+def save_depth(depth: Float32, path: Path) -> None:
+    """Write depth (H, W), metres, 0 for none, as a 16-bit PNG with 256 steps a metre; what is farther than 255.99 m is that far."""
+    steps = np.clip(np.ceil(depth * STEPS_PER_M - 0.5), depth > 0, FARTHEST_STEP)
+    write_image_atomic(path, steps.astype(np.uint16))
 
 
 def save_array(array: NDArray[np.generic], path: Path) -> None:

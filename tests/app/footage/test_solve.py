@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,9 @@ from unveil_core.app.footage.solve import footage_settings, is_footage_alone, ne
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import command_parser
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.files import write_json_atomic
+from unveil_core.base.output.written import GENERATOR
+from unveil_core.solve.plan import made_from
 from unveil_core.solve.settings import SolveSettings
 
 
@@ -45,6 +49,45 @@ def test_a_drive_is_no_footage(tmp_path: Path) -> None:
     drive = make_tiny_drive(tmp_path / "drive")
     assert not is_footage_alone(Path(drive)) and not is_footage_alone(Path(drive).parent)
     assert is_footage_alone(write_frames(tmp_path / "frames", [np.zeros((8, 8, 3), np.uint8)] * 3))
+
+
+def test_a_dry_run_of_footage_tells_the_solve_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pycolmap")
+    footage = write_frames(tmp_path / "frames", [np.zeros((40, 60, 3), np.uint8)] * 30)
+    words = ["run", str(footage), "-o", str(tmp_path / "out"), "--dry-run", "--frames", "10:", "--every", "2"]
+    assert main(words) == 0
+    first, second, third = capsys.readouterr().out.splitlines()
+    assert first == "solve        would run: it has not run" and second.strip().startswith(
+        "10 frames, 60x40: at most about"
+    )
+    assert third.startswith("import to report would run after it")
+    assert main([*words, "--json", "--until", "ground"]) == 0
+    plan = json.loads(capsys.readouterr().out)["plan"]
+    assert plan["solve"]["would_run"] and plan["solve"]["frames"] == 10
+    assert list(plan["stages"])[0] == "import" and list(plan["stages"])[-1] == "ground"
+    assert all(stage["would_run"] for stage in plan["stages"].values())
+    assert plan["settings"]["frames"] is None  # the solve takes them
+    assert [p.name for p in tmp_path.iterdir()] == ["frames"]
+
+
+def test_a_dry_run_goes_on_where_the_drive_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pycolmap")
+    footage = write_frames(tmp_path / "frames", [np.zeros((40, 60, 3), np.uint8)] * 8)
+    words = ["run", str(footage), "-o", str(tmp_path / "out"), "--dry-run", "--until", "ground"]
+    arguments = command_parser().parse_args(words)
+    # A drive as the solve leaves it, with its record.
+    drive = Path(make_tiny_drive(tmp_path / "out_drive")).parent
+    record = {"state": "done", "made_from": made_from([footage], footage_settings(arguments, settings_of(arguments)))}
+    write_json_atomic(drive / "solve.json", {"generator": GENERATOR, **record})
+    assert main(words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "solve        up to date" and any(line.startswith("reconstruct  would run") for line in lines)
+    assert not (tmp_path / "out").exists()
+    (footage / "0008.png").write_bytes((footage / "0007.png").read_bytes())
+    assert main(words) == 0
+    assert "would run: the footage or its settings have changed" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("verb", ["import", "check"])

@@ -16,8 +16,8 @@ import pytest
 
 from tests.drives.formats.pandas_pickles import table_pickle
 from unveil_core.base.errors import DriveError
-from unveil_core.drives.formats import safe_pickle
 from unveil_core.drives.formats.pandas_tables import read_table
+from unveil_core.drives.formats.pickled import stand_ins
 from unveil_core.drives.formats.safe_pickle import read_archived_object, read_arrays
 
 
@@ -232,7 +232,7 @@ def test_a_missing_file_and_a_folder_are_one_line(tmp_path: Path) -> None:
 
 
 def test_a_bomb_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(safe_pickle, "MOST_BYTES", 100_000)
+    monkeypatch.setattr(stand_ins, "MOST_BYTES", 100_000)
     packed = io.BytesIO()
     with gzip.GzipFile(fileobj=packed, mode="wb") as stream:
         for _ in range(300):

@@ -31,7 +31,7 @@ class Absent:
 
 def compile_only(self, *arguments, grid, warmup, **options):
     made = run(self, *arguments, grid=grid, warmup=True, **options)
-    print(self.__name__, len(made.asm["cubin"]))
+    print(self.__name__, len(made.asm["cubin"]), options.get("enable_fp_fusion"))
 
 driver.set_active(Absent())
 run, JITFunction.run = JITFunction.run, compile_only
@@ -51,8 +51,8 @@ backend.backward_pass(done, {name: torch.ones(plane.shape) for name, plane in do
 
 
 def test_tile_kernels_fit_the_registers_of_old_and_new_gpus() -> None:
-    rows = compiled((80, 120), "forward|backward")
-    assert len(rows) == 22 and {row["capability"] for row in rows} == {80, 120}
+    rows = compiled((80, 100, 120), "forward|backward")
+    assert len(rows) == 33 and {row["capability"] for row in rows} == {80, 100, 120}
     for row in rows:
         assert row["spilled"] == 0 and 0 < row["registers"] <= 255, row
         # At least four tiles at a time on one multiprocessor of 64 K registers.
@@ -66,5 +66,8 @@ def test_every_kernel_compiles_as_the_backend_calls_it() -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
     assert done.returncode == 0, done.stderr[-2000:]
     names = [line.split()[0] for line in done.stdout.splitlines()]
+    # Each says how it rounds, for Triton's default is changing; both kernels that list tiles must round alike.
+    apart = {line.split()[0] for line in done.stdout.splitlines() if line.split()[2] != "True"}
+    assert apart == {"count_tiles", "list_tiles"}
     passes = "project count_tiles list_tiles forward label_keys label_forward backward label_backward sum_rows chain"
     assert names == passes.split()

@@ -14,6 +14,7 @@ from unveil_core.pipeline.settings import RunSettings
 
 if TYPE_CHECKING:  # loads NumPy
     from unveil_core.pipeline.stage import Reporter
+    from unveil_core.solve.plan import SolvePlan
     from unveil_core.solve.settings import SolveSettings
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "footage_settings",
     "is_footage_alone",
     "next_step",
+    "plan_of_footage",
     "refuse_clip",
     "run_solve",
     "summary",
@@ -130,6 +132,17 @@ def drive_of_footage(
     solved = solve([footage], drive_beside(workspace), footage_settings(arguments, settings), reporter)
     left: dict[str, Any] = dict.fromkeys(CARRIED)
     return solved.drive, replace(settings, **left)
+
+
+def plan_of_footage(
+    footage: Path, workspace: Path, arguments: argparse.Namespace, settings: RunSettings
+) -> tuple[SolvePlan, RunSettings]:
+    """What the solve that a run of footage begins with would do, and the settings that are left for the run."""
+    from unveil_core.solve.solve import planned
+
+    plan = planned([footage], drive_beside(workspace), footage_settings(arguments, settings))
+    left: dict[str, Any] = dict.fromkeys(CARRIED)
+    return plan, replace(settings, **left)
 
 
 def drive_beside(workspace: Path) -> Path:

@@ -77,7 +77,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "inpaint": (
         "unveil inpaint street_empty",
-        "unveil inpaint street_empty --shadows 135,40",
+        "unveil inpaint street_empty --shadows off",
         "unveil inpaint street_empty --inpainter lama.onnx",
     ),
     "reoptimize": (
@@ -123,7 +123,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "bench": (
         "unveil bench raster --quick",
         "unveil bench step --device cpu -o step.json",
-        "unveil bench pipeline --quality draft --rows ours -o pipeline.json",
+        "unveil bench run street --quality draft -o runs.json",
     ),
     "batch plan": (
         "unveil batch plan drives/one drives/two -o batch",

@@ -14,15 +14,19 @@ from unveil_core.app.footage.solve import (
     drive_beside,
     drive_of_footage,
     is_footage_alone,
+    plan_of_footage,
     refuse_clip,
     without_footage,
 )
 from unveil_core.app.given_settings import given_settings
-from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.app.parser import STAGE_VERBS
+from unveil_core.base.errors import DriveError
 from unveil_core.pipeline.options.given import settings_over
 
 if TYPE_CHECKING:  # loads NumPy
     from unveil_core.pipeline.options.kept import Kept
+    from unveil_core.pipeline.settings import RunSettings
+    from unveil_core.solve.plan import SolvePlan
     from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["demo", "import_drive", "run_all", "sample_drive"]
@@ -50,10 +54,7 @@ def run_all(arguments: argparse.Namespace) -> int:
         without_footage(arguments)
         return _run_and_sum_up(arguments.drive, arguments)
     if arguments.dry_run:
-        raise SettingsError(
-            "Not an option of footage: --dry-run belongs to drives",
-            mend="unveil solve makes a drive of it",
-        )
+        return _plan_footage(arguments)
     return _run_and_sum_up(drive_beside(arguments.output), arguments, footage=arguments.drive)
 
 
@@ -111,19 +112,55 @@ def _run(drive: Path, arguments: argparse.Namespace, until: str | None, *, foota
     return confirmed(arguments, begun)
 
 
-def _plan(drive: Path, arguments: argparse.Namespace, until: str | None) -> int:
+def _plan_footage(arguments: argparse.Namespace) -> int:
+    """Say what the solve would do; and of the run, where the drive that it goes on with is there already."""
+    drive, until = drive_beside(arguments.output), arguments.until
+    kept = _kept(drive, arguments)
+    settings = settings_over(kept.settings, given_settings(arguments))
+    first, left = plan_of_footage(arguments.drive, arguments.output, arguments, settings)
+    if not first.would_run:
+        return _plan(drive, arguments, until, settings=left, first=first)
+    names = ["import", *STAGE_VERBS]
+    names = names[: names.index(until) + 1] if until else names
+    if arguments.json:
+        stages = {name: {"state": "todo", "why": "the solve comes first", "would_run": True} for name in names}
+        plan: dict[str, object] = {
+            "solve": first.to_json(),
+            "notices": [],
+            "findings": [],
+            "stages": stages,
+            "forecast": None,
+        }
+        print(json.dumps({"plan": {**plan, "settings": left.to_json()}}))
+    else:
+        after = f"{names[0]} to {names[-1]} would run after it; how long they take is known when the cameras are"
+        say("\n".join([*([kept.message] if kept.message else []), *first.lines(), after]))
+    return 0
+
+
+def _plan(
+    drive: Path,
+    arguments: argparse.Namespace,
+    until: str | None,
+    *,
+    settings: RunSettings | None = None,
+    first: SolvePlan | None = None,
+) -> int:
+    """Say what a run would do; ``settings``: of it, the arguments' by default; ``first``: what is told of the solve before."""
     from unveil_core.pipeline.dry_run import plan_run
 
     kept = _kept(drive, arguments)
-    settings = settings_over(kept.settings, given_settings(arguments))
+    settings = settings or settings_over(kept.settings, given_settings(arguments))
     replace = getattr(arguments, "replace", False)
     plan = plan_run(
         drive, arguments.output, settings, until=until, replace=replace, tell=lambda line: say(line, sys.stderr)
     )
     if arguments.json:
-        print(json.dumps({"plan": plan.to_json(settings)}))
+        solved = {} if first is None else {"solve": first.to_json()}
+        print(json.dumps({"plan": {**solved, **plan.to_json(settings)}}))
     else:
-        say("\n".join([*([kept.message] if kept.message else []), *plan.lines()]))
+        before = [] if first is None else first.lines()
+        say("\n".join([*([kept.message] if kept.message else []), *before, *plan.lines()]))
     return 0
 
 

@@ -25,6 +25,6 @@ def _count_up(values, SIZE: tl.constexpr):
 def run_trial(device: str) -> None:
     """Build and run it; raises whatever goes wrong there."""
     values = torch.zeros(COUNT, device=device)
-    _count_up[(1,)](values, SIZE=COUNT)
+    _count_up[(1,)](values, SIZE=COUNT, enable_fp_fusion=True)
     if float(values.sum()) != COUNT:
         raise RuntimeError("a kernel wrote something else than it was to")

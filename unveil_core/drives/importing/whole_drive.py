@@ -23,6 +23,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import move, read_own_json, write_image_atomic, write_json_atomic
 from unveil_core.base.output.scratch import scratch_folder
 from unveil_core.base.output.written import check_replaceable
+from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.drive import Drive, FrameLabels, frames_per_second, tracks
@@ -37,6 +38,9 @@ from unveil_core.geometry.axes import UP
 
 __all__ = ["frame_rate", "import_drive", "localized", "write_labels"]
 
+ROOM, BYTES_A_PIXEL = 1 << 30, 40
+"""Bytes for photographs that are read at once, and of one of them for each of its pixels: the file, the pixels, undistorted ones as
+floats."""
 FARTHEST_ORIGIN_M = 10_000.0
 """Of the cameras from an origin that is kept, metres: single precision is good for a millimetre there."""
 
@@ -151,9 +155,9 @@ def _write(
     kept.once("checked", check)
     folder.mkdir(parents=True, exist_ok=True)
     entries = []
-    for done, frame in enumerate(drive.frames):
-        entries.append(import_frame(frame, folder, work_side))
-        progress(done + 1, len(drive.frames), "importing")
+    for entry in each(lambda frame: import_frame(frame, folder, work_side), drive.frames, most=_at_a_time(drive)):
+        entries.append(entry)
+        progress(len(entries), len(drive.frames), "importing")
     by = unrefined(drive)
     if refine:
         by = kept_refinement(kept, lambda: refinement_by_pictures(drive, folder, entries, work_side, progress))
@@ -182,27 +186,44 @@ def _write(
     return drive
 
 
-def write_labels(folder: Path, labels: Sequence[FrameLabels], progress: Progress = no_progress) -> None:
+def _at_a_time(drive: Drive) -> int:
+    """How many photographs may be read at once: one where a table holds many, which its reader goes through in order."""
+    if any(frame.image_bytes is not None for frame in drive.frames):
+        return 1
+    pixels = max((frame.camera.width * frame.camera.height for frame in drive.frames), default=1)
+    return max(1, ROOM // (pixels * BYTES_A_PIXEL))
+
+
+def write_labels(
+    folder: Path, labels: Sequence[FrameLabels], progress: Progress = no_progress, *, together: bool = False
+) -> None:
     """Add labels to an imported drive that came without; of a frame that has them, an interrupted call left them.
 
     Args:
         folder: of :func:`import_drive`.
         labels: of its frames in their order, of working size; asked for those that are missing only.
+        together: whether those of several frames may be found at once.
     """
     path = folder / CAMERAS
     data: dict[str, Any] = read_own_json(path, LARGEST_TEXT)
     entries = data["frames"]
-    for done, entry in enumerate(entries):
+
+    def write(k: int) -> dict[str, str]:
+        entry = entries[k]
         stem = f"{entry['camera']}/{entry['name']}.png"
         files = {name: folder / name / stem for name in ("semantics", "instances", "ego")}
         if not files["semantics"].is_file():  # the last that is written
-            found = labels[done]
+            found = labels[k]
             if found.instance is not None and "instances" not in entry:  # else the user gave them
                 write_image_atomic(files["instances"], found.instance)
             if found.ego is not None and found.ego.any():
                 write_image_atomic(files["ego"], found.ego.astype(np.uint8) * 255)
             write_image_atomic(files["semantics"], found.semantic)
-        entry |= {name: f"{name}/{stem}" for name, file in files.items() if file.is_file()}
+        return {name: f"{name}/{stem}" for name, file in files.items() if file.is_file()}
+
+    written = each(write, range(len(entries)), most=None if together else 1)
+    for done, (entry, files) in enumerate(zip(entries, written, strict=True)):
+        entry |= files
         progress(done + 1, len(entries), "labelling")
     data["semantic_classes"] = "cityscapes"
     write_json_atomic(path, data)

@@ -25,6 +25,9 @@ MOST_NEAR = 8
 STEP_M, STEP_SHARE = 0.4, 0.02
 """Points near a click that are farther apart in depth than so many metres and this share of it are of two surfaces: something is
 seen past the object, or stands before it. The surface with most of them was clicked."""
+WELL = MOST_NEAR // 2
+"""A click that hits fewer points than this hit what stands before the object, if they are nearer by such a step than what others
+hit well: no point comes back from panes and dark paint, and then the next in the picture are of the nearer thing's border."""
 UNDER_M = 2.5
 """Of the points under a stroke those count that lie no farther from the middle one in depth, metres: a car's half length."""
 GAPS = (5.0, 4.0, 3.2, 2.6, 2.1, 1.7)
@@ -96,7 +99,19 @@ def clicked_points(
                 near = near[_of_one_surface(seen.depth[near])]
                 found.append(seen.index[near])
                 owner.append(np.full(len(near), click))
-    return np.concatenate(found), np.concatenate(owner)
+    hit, of = np.concatenate(found), np.concatenate(owner)
+    depth = np.full(len(points.positions), np.nan)
+    depth[seen.index] = seen.depth
+    kept = ~np.isin(of, _strays(depth[hit], of))
+    return hit[kept], of[kept]
+
+
+def _strays(depth: Float64, of: NDArray[np.int64]) -> list[int]:
+    """The clicks, of those that points of some depths (K,) belong to, that hit something before the object."""
+    middles = {int(k): float(np.median(depth[of == k])) for k in np.unique(of)}
+    well = [m for k, m in middles.items() if (of == k).sum() >= WELL]
+    nearest = min(well, default=0.0) * (1 - STEP_SHARE) - STEP_M
+    return [k for k, m in middles.items() if (of == k).sum() < WELL and m < nearest]
 
 
 def _of_one_surface(depth: Float64) -> NDArray[np.int64]:

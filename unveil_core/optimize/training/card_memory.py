@@ -5,23 +5,28 @@ The amounts are computed, not measured: what the kernels allocate, array by arra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import torch
 
 from unveil_core.base.errors import GpuTooSmallError
 from unveil_core.base.kernels.device import CPU, Device, note_of_device
 from unveil_core.geometry.camera import Camera
+from unveil_core.optimize.training.views import MOST_RAYS
 from unveil_core.raster.triton import memory
 
-__all__ = ["Place", "StepSize", "fitting", "largest_step", "place_for", "step_bytes"]
+__all__ = ["Place", "StepSize", "fitting", "largest_step", "place_for", "state_bytes", "step_bytes", "trial_of_degrees"]
 
 TILES_A_SURFEL = 10
 """Tiles that a surfel of a trained outdoor scene lies in, the safe side: in a corridor of small surfels it is 2.8."""
 BYTES_A_LOSS, BYTES_A_LABEL = 320, 8
 """Of each pixel, what the losses and the view in their making hold at a time, counted by a test; and for each label, what the cross
 entropy holds beside the plane of semantics."""
+BYTES_OF_RAYS = 15
+"""Of each pixel, the directions of a camera's pixels (``views``) in full and in half size: kept from its first view on."""
+OBSERVED = 12
+"""Bytes of a surfel that density control notes between its turns."""
 SPARE = 1.15
 """Memory that torch's allocator holds beyond what is in use, as a factor."""
 OF_CONTEXT = 600 << 20
@@ -37,6 +42,8 @@ class StepSize:
     Attributes:
         surfels: at most; coefficients: of their colours, each (L + 1)^2.
         width, height: of the largest view, pixels; labels: K.
+        lenses: kinds of cameras, each of which keeps its rays.
+        held: coefficients of the states that lie there beside the one that is stepped, one number each.
     """
 
     surfels: int
@@ -44,6 +51,14 @@ class StepSize:
     width: int
     height: int
     labels: int
+    lenses: int = 1
+    held: tuple[int, ...] = ()
+
+
+def state_bytes(surfels: int, coefficients: int) -> int:
+    """Bytes of an optimization's state that is only kept: values, Adam's moments, what density control noted."""
+    floats = 3 + 4 + 2 + 1 + 3 * coefficients
+    return surfels * (3 * 4 * floats + OBSERVED)
 
 
 def step_bytes(size: StepSize) -> int:
@@ -56,8 +71,9 @@ def step_bytes(size: StepSize) -> int:
         size.labels,
         sh_rows=size.coefficients,
     )["peak"]
-    losses = size.width * size.height * (BYTES_A_LOSS + BYTES_A_LABEL * size.labels)
-    return OF_CONTEXT + int(SPARE * (rasterizer + losses))
+    of_a_pixel = BYTES_A_LOSS + BYTES_A_LABEL * size.labels + BYTES_OF_RAYS * min(size.lenses, MOST_RAYS)
+    held = sum(state_bytes(size.surfels, coefficients) for coefficients in size.held)
+    return OF_CONTEXT + int(SPARE * (rasterizer + size.width * size.height * of_a_pixel + held))
 
 
 def _free_bytes(device: Device) -> int:
@@ -78,12 +94,11 @@ def fitting(size: StepSize, free: int) -> str | None:
         for eighths in range(8, 3, -1):
             side = longest * eighths // 8
             scale = side / longest
-            smaller = StepSize(
-                surfels >> halvings,
-                size.coefficients,
-                max(1, round(size.width * scale)),
-                max(1, round(size.height * scale)),
-                size.labels,
+            smaller = replace(
+                size,
+                surfels=surfels >> halvings,
+                width=max(1, round(size.width * scale)),
+                height=max(1, round(size.height * scale)),
             )
             if step_bytes(smaller) <= free:
                 options = [f"--splats {surfels >> halvings}"] if halvings else []
@@ -107,17 +122,17 @@ class Place:
     coarse_bytes: int = 0
 
 
-def place_for(device: Device, size: Callable[[], StepSize]) -> Place:
+def place_for(device: Device, sizes: Callable[[], Sequence[StepSize]]) -> Place:
     """Where an optimization works: on the device of the run, if its steps fit into that one's memory.
 
     Args:
-        size: of the largest step; only asked where memory is scarce.
+        sizes: of the steps that may be the largest; only asked where memory is scarce.
     Raises:
         GpuTooSmallError: the GPU was asked for, and its memory is too small.
     """
     if not device.name.startswith("cuda"):
         return Place(device)
-    return _placed(device, size(), _free_bytes(device))
+    return _placed(device, max(sizes(), key=step_bytes), _free_bytes(device))
 
 
 def _placed(device: Device, size: StepSize, free: int) -> Place:
@@ -142,5 +157,24 @@ def largest_step(surfels: int, degree: int, cameras: Iterable[Camera], labels: i
     Args:
         surfels: how many there may become; degree: of their colours at most; cameras: of the views; labels: K.
     """
-    largest = max(cameras, key=lambda camera: camera.width * camera.height)
-    return StepSize(surfels, (degree + 1) ** 2, largest.width, largest.height, labels)
+    some = list(cameras)
+    largest = max(some, key=lambda camera: camera.width * camera.height)
+    lenses = len({camera.intrinsics for camera in some})
+    return StepSize(surfels, (degree + 1) ** 2, largest.width, largest.height, labels, lenses)
+
+
+def trial_of_degrees(step: StepSize, surfels: int) -> StepSize:
+    """The last step of the trial of colour's degrees (``adaptation.colour_degree``): in half size, beside the states of all lower
+    degrees and the one that the trial began with.
+
+    Args:
+        step: the largest of the optimization; surfels: how many it begins with.
+    """
+    lower = ((degree + 1) ** 2 for degree in range(16) if (degree + 1) ** 2 < step.coefficients)
+    return replace(
+        step,
+        surfels=surfels,
+        width=-(-step.width // 2),
+        height=-(-step.height // 2),
+        held=(*lower, step.coefficients),
+    )

@@ -24,6 +24,14 @@ FLOOR = 1e-3
 """Least alpha that is divided by, and least probability whose logarithm is taken; as in ``loss_kernels``."""
 
 
+def _at_least(values: Tensor, bound: float) -> Tensor:
+    """``values.clamp_min(bound)``, with the gradient at the bound itself that the fused kernels have: it passes.
+
+    Up to 2.14 torch's own passes there, from 2.15 on it does not, and a probability of exactly zero is nothing rare.
+    """
+    return torch.where(values < bound, bound, values)
+
+
 @lru_cache(maxsize=8)
 def _taps(device: torch.device) -> Tensor:
     """(11,) taps of the window: brought to a device once."""
@@ -104,11 +112,11 @@ def semantic_cross_entropy(
     counts = known if weight is None else known * weight
     picked = semantics.gather(2, target.clamp_min(0)[..., None])[..., 0]
     if sky_label is None:
-        probability = picked / alpha.clamp_min(FLOOR)
+        probability = picked / _at_least(alpha, FLOOR)
     else:
         is_sky = target == sky_label
         probability = torch.where(is_sky, 1 - alpha, picked)
-    likelihood = torch.log(probability.clamp_min(0) + FLOOR)
+    likelihood = torch.log(_at_least(probability, 0.0) + FLOOR)
     return -(likelihood * counts).sum() / counts.sum().clamp_min(1.0)
 
 
@@ -117,7 +125,7 @@ def normal_consistency(
 ) -> Tensor:
     """As ``losses.normal_consistency``, with tensors of one device."""
     height, width = depth.shape
-    points = rays * (depth / alpha.clamp_min(FLOOR))[..., None]
+    points = rays * (depth / _at_least(alpha, FLOOR))[..., None]
     along, down = points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1]
     surface = F.normalize(torch.linalg.cross(down, along, dim=2), dim=2)
     opaque = alpha.detach()[1:-1, 1:-1]

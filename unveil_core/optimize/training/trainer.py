@@ -6,6 +6,7 @@ Two stages as in *3D StreetUnveiler*: first colour and labels with density contr
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from copy import copy, deepcopy
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from unveil_core.optimize.training.parameters import LearningRates, TrainableSur
 from unveil_core.optimize.training.soft_labels import render_soft_labels
 from unveil_core.optimize.training.views import TrainingView
 from unveil_core.raster import Rendered, render
+from unveil_core.raster.near_camera import REACH_M
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 
@@ -260,10 +262,12 @@ class Optimization:
             self.density.act(self.trainable)
 
     def prune(self) -> None:
-        """Remove faint surfels."""
+        """Remove faint surfels, and those that are wider than what a camera sees of a street: they explain some sky, and cut
+        through the street where an object hides that they do."""
         self._settle_labels()
         opacity = torch.sigmoid(self.trainable.leaves["opacity_logits"].detach())
-        keep = (opacity >= self.settings.prune_opacity) | torch.isin(self.trainable.labels, self.spared)
+        wide = self.trainable.leaves["log_scales"].detach().amax(dim=1) > math.log(REACH_M)
+        keep = ((opacity >= self.settings.prune_opacity) | torch.isin(self.trainable.labels, self.spared)) & ~wide
         if not bool(keep.all()):
             self.trainable.keep(keep)
             if self.density is not None:

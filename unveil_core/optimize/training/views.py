@@ -17,7 +17,10 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.training.losses import camera_rays
 from unveil_core.surfels.sky import Sky
 
-__all__ = ["TrainingView", "training_view", "views_on"]
+__all__ = ["MOST_RAYS", "TrainingView", "training_view", "views_on"]
+
+MOST_RAYS = 12
+"""Cameras and sizes whose rays are kept: a rig of six has so many at its two sizes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +106,9 @@ def views_on(views: Sequence[TrainingView], sky: Sky, device: torch.device, most
     return FrameCache(most_bytes).frames(len(views), lambda i: views[i].to(device, sky))
 
 
-@lru_cache(maxsize=12)
+@lru_cache(maxsize=MOST_RAYS)
 def _rays(intrinsics: tuple[int, int, float, float, float, float], device: torch.device) -> Tensor:
-    """The rays of all frames of a camera: a rig of six has so many at its two sizes."""
+    """The rays of all frames of a camera."""
     return camera_rays(Camera(*intrinsics, np.eye(4))).to(device)
 
 

@@ -22,8 +22,8 @@ from unveil_core.pipeline.options.kinds import (
     NETWORK,
     NUMBER,
     OBJECTS,
+    SHADOW,
     SIZE,
-    SUN,
     TEXT,
     TEXTS,
     UP,
@@ -162,13 +162,11 @@ TABLE: tuple[Setting, ...] = (
         label="Corrections", metavar="FILE.json", usual="none", expert=True, see="input.md#corrections", back=("none",),
     ),
     Setting(
-        "shadows", SUN, "remove",
-        "remove shadows too, keep them, or give the sun in degrees: azimuth clockwise from +y, elevation",
-        label="Shadows", metavar="auto|off|A,E",
+        "shadows", SHADOW, "remove", "remove the shadows of removed objects too, or keep them",
+        label="Shadows",
         choices=(
-            ("auto", "Automatic", "Shadows of removed objects are removed too; the sun's direction is estimated"),
+            ("auto", "Automatic", "Shadows of removed objects are removed too"),
             ("off", "Keep", "Shadows of removed objects stay in the pictures"),
-            ("given", "Given Sun", "As Automatic, with the sun's direction from Azimuth and Elevation"),
         ),
     ),
     Setting(

@@ -51,7 +51,7 @@ def run(context: StageContext) -> Facts:
     )
     labels, source = labels_of(drive, imported, settings, context.progress)
     if labels is not None:
-        write_labels(folder, labels, context.progress)
+        write_labels(folder, labels, context.progress, together=source in ("boxes", "points"))
     tested = _poses_assumed(pose_facts(folder))
     return {
         **placement.to_json(),

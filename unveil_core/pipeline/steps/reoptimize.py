@@ -39,14 +39,15 @@ from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.scene_edit import read_edit
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import frame_file, load_labels, load_mask
+from unveil_core.workspace.files import frame_file, load_labels, load_mask, save_depth
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["run", "run_block"]
 
 
 def run(context: StageContext) -> None:
-    """surfels/empty.ply; renders/ and clean/, each in its own photograph's exposure; provenance/ and certainty/ of clean/."""
+    """surfels/empty.ply; renders/ and clean/, each in its own photograph's exposure; depths/ of the empty scene; provenance/ and
+    certainty/ of clean/."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir, points=False)
     sky = load_sky(workspace.root / "surfels/sky.npz")
@@ -92,6 +93,7 @@ def run(context: StageContext) -> None:
             origin = np.where(mended, INVENTED, origin).astype(np.uint8)
             most = certainty_levels(np.array([CEILINGS[INVENTED]], np.float32))[0]  # nobody saw what a person painted
             certainty[mended] = np.minimum(certainty[mended], most)
+        save_depth(looks.views.frames[i].depth, frame_file(context.output("depths"), known.frame))
         write_image_atomic(frame_file(context.output("provenance"), known.frame), origin)
         write_image_atomic(frame_file(context.output("certainty"), known.frame), certainty)
         context.progress(done + 1, len(frames), "telling where pixels come from")

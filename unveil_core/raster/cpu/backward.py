@@ -15,7 +15,7 @@ from numba import types
 from numba.cpython.unsafe.numbers import trailing_zeros
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import FAST
+from unveil_core.base.parallel import FAST, INLINED
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.block import (
     AHEAD,
@@ -190,7 +190,7 @@ def _read_label(builder, keep, saved, memory, gradient, slot):
         memory.store(plane, slot, 16 * (k + 1))
 
 
-@njit(**{**FAST, "forceinline": True})
+@njit(**INLINED)
 def _read(
     memory,
     base,

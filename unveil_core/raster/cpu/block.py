@@ -12,7 +12,7 @@ from numba import types
 from numba.core import cgutils
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import FAST
+from unveil_core.base.parallel import INLINED
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.lanes import Vector, lane_function
 from unveil_core.raster.passes import TILE
@@ -202,13 +202,13 @@ def offsets_of(planes, *names):
     return tuple(u64(16 * planes.index(name) if name in planes else 0) for name in names)
 
 
-@njit(**{**FAST, "forceinline": True})
+@njit(**INLINED)
 def aligned(memory):
     """Where the first whole cache line of a float32 array begins."""
     return u64((u64(64) - u64(memory.ctypes.data) % u64(64)) % u64(64)) // u64(4)
 
 
-TILE_SOURCES = ("lanes.py", "block.py", "../passes.py", "../records.py", "../spec.py")
+TILE_SOURCES = ("lanes.py", "block.py", "tile_output.py", "../passes.py", "../records.py", "../spec.py")
 
 
 def sources(*names: str) -> int:

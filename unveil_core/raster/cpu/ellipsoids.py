@@ -10,25 +10,22 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import FAST
+from unveil_core.base.parallel import FAST, INLINED
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.block import sources
-from unveil_core.raster.cpu.per_surfel import (
-    INLINED,
+from unveil_core.raster.cpu.camera_frame import (
     ZERO,
     axes,
-    clear,
     held_scale,
-    higher_colour,
-    higher_colour_gradient,
     in_camera,
     pixel_range,
     quaternion_gradient,
     rotation,
     seen_from,
-    sum_rows,
-    write_record,
 )
+from unveil_core.raster.cpu.colours import higher_colour, higher_colour_gradient
+from unveil_core.raster.cpu.per_surfel import SHARED
+from unveil_core.raster.cpu.rows import clear, sum_rows, write_record
 from unveil_core.raster.spec import DEPTH_MAX, DILATION, GENEROUS, OFFSET_MAX, SCALE_MIN_PX
 from unveil_core.raster.spherical_harmonics import SH0
 
@@ -80,7 +77,7 @@ def thinnest(l0, l1, l2):
 
 def _kernels():
     # numba's cache looks at this file and at what a kernel closes over, not at what it is inlined from.
-    code = sources("per_surfel.py", "../passes.py", "../records.py", "../spec.py", "../spherical_harmonics.py")
+    code = sources(*SHARED)
 
     @njit(**FAST)
     def project(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import torch
 from torch import Tensor
@@ -22,6 +23,7 @@ from unveil_core.raster.triton.memory import KEPT, KEPT_FLAT, SUMS
 __all__ = [
     "BACKWARD_WARPS",
     "FORWARD_WARPS",
+    "FUSED",
     "LABEL_WARPS",
     "Pass",
     "backward_pass",
@@ -38,11 +40,29 @@ that a thread has registers for two pixels' sums of 19 labels. On an H100 half a
 (``benchmarks/results/gpu.json``)."""
 
 
-def forward_registers(labels: int) -> int:
+FUSED = {"enable_fp_fusion": True}
+"""A product and a sum in one instruction, asked for by name: from Triton 3.10 on it is not the default, and 3.9 says so at each
+start. Only binning goes without, where two kernels must round alike."""
+BLACKWELL = 10
+"""Compute capability from which on the compiler takes some registers more for the same kernel."""
+
+
+def forward_registers(labels: int, capability: int) -> int:
     """How many registers a thread of forward may take: enough for its pixels' sums per label. Without a limit the compiler spills
-    some values on its own account, to fit one more tile on a multiprocessor."""
-    a_tile = 4 * (80 if labels <= 8 else 128)
+    some values on its own account, to fit one more tile on a multiprocessor.
+
+    Args:
+        labels: whose sums are made; capability: the card's, its first number.
+    """
+    few = 80 if capability < BLACKWELL else 88
+    a_tile = 4 * (few if labels <= 8 else 128)
     return min(255, max(64, a_tile // FORWARD_WARPS))
+
+
+@cache
+def _capability(device: torch.device) -> int:
+    """The first number of the card's compute capability; in Triton's interpreter that of the oldest."""
+    return torch.cuda.get_device_capability(device)[0] if device.type == "cuda" else 8
 
 
 @dataclass(eq=False)
@@ -103,6 +123,7 @@ def _project(inputs: Inputs, labels: Tensor, camera: Camera, settings: Settings,
             SH_ROWS=sh.shape[1],
             TILE=TILE,
             BLOCK=BLOCK,
+            **FUSED,
         )
     return records, boxes, depths, visible
 
@@ -158,7 +179,8 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
         KEEP=keeping,
         KEPT_PLANES=kept_planes,
         num_warps=FORWARD_WARPS,
-        maxnreg=forward_registers(label_count),
+        maxnreg=forward_registers(label_count, _capability(device)),
+        **FUSED,
     )
     done = Pass(
         planes,
@@ -190,6 +212,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
             planes["label_distortion"],
             KEPT_PLANES=kept_planes,
             num_warps=LABEL_WARPS,
+            **FUSED,
         )
     if keep:
         # The tiles of the entries are known from the offsets, and their order was that of the lists' lengths.
@@ -208,7 +231,16 @@ def _by_label(done: Pass, labels: Tensor) -> Tensor:
     keys = torch.empty(total, dtype=torch.int32, device=lists.ids.device)
     if total:
         label_distortion.label_keys[(-(-total // 256),)](
-            lists.tiles, lists.ids, labels, lists.offsets, done.ended, total, keys, LABELS=label_count, BLOCK=256
+            lists.tiles,
+            lists.ids,
+            labels,
+            lists.offsets,
+            done.ended,
+            total,
+            keys,
+            LABELS=label_count,
+            BLOCK=256,
+            **FUSED,
         )
     return torch.sort(keys, stable=True).indices.to(torch.int32)
 
@@ -253,6 +285,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
         KEPT_PLANES=done.kept.shape[1],
         ROW=row,
         num_warps=BACKWARD_WARPS,
+        **FUSED,
     )
     if "label_distortion" in grads:
         label_distortion.label_backward[(tiles_x * tiles_y,)](
@@ -275,6 +308,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
             KEPT_PLANES=done.kept.shape[1],
             ROW=row,
             num_warps=LABEL_WARPS,
+            **FUSED,
         )
     gradients = (
         *(torch.empty_like(t) for t in (means, quats, log_scales, opacity_logits, sh)),
@@ -282,7 +316,9 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
     )
     if count:
         sums = torch.empty(count, SUMS, device=device)
-        backward.sum_rows[(count,)](lists.start, lists.count, rows, touched, sums, ROW=row, SUMS=SUMS, num_warps=1)
+        backward.sum_rows[(count,)](
+            lists.start, lists.count, rows, touched, sums, ROW=row, SUMS=SUMS, num_warps=1, **FUSED
+        )
         chain = per_surfel.chain if log_scales.shape[1] == 2 else ellipsoids.chain_ellipsoids
         chain[(-(-count // BLOCK),)](
             means,
@@ -300,6 +336,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
             SH_ROWS=sh.shape[1],
             SUMS=SUMS,
             BLOCK=BLOCK,
+            **FUSED,
         )
     return gradients
 

@@ -19,7 +19,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.solve.footage.frames import FootageFrame, Reel
 from unveil_core.solve.settings import focal_of_film
 
-__all__ = ["decode_clip"]
+__all__ = ["decode_clip", "noted_size"]
 
 SD_HEIGHT = 720
 """Pictures of fewer rows are coded by BT.601 where they do not say, others by BT.709: players do the same."""
@@ -48,9 +48,7 @@ def decode_clip(
     try:
         with av.open(str(path)) as container:
             if not container.streams.video:
-                raise DriveError(
-                    "Not a video: it has no pictures", path=path, mend="give a clip or a folder of pictures"
-                )
+                raise _no_pictures(path)
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
             about = _About(container, stream)
@@ -70,6 +68,36 @@ def decode_clip(
     if not found.frames:
         raise DriveError("has no frames in that part", path=path, mend="give --frames within the clip")
     return found.reel(tuple([*notices, *found.notices]))
+
+
+def noted_size(path: Path) -> tuple[int, tuple[int, int]]:
+    """How many frames a clip notes that it has, and the width and height of the first one, upright, pixels.
+
+    Raises:
+        DriveError: it is no clip that can be decoded.
+    """
+    import av
+
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
+                raise _no_pictures(path)
+            stream = container.streams.video[0]
+            count = stream.frames
+            if not count and container.duration and stream.average_rate:
+                count = round(container.duration / 1e6 * float(stream.average_rate))
+            frame = next(container.decode(stream))
+            if not count:
+                count = 1 + sum(1 for packet in container.demux(stream) if packet.size)
+            turned = int(round(frame.rotation / 90)) % 2
+            return int(count), (frame.height, frame.width) if turned else (frame.width, frame.height)
+    except (av.error.FFmpegError, StopIteration) as error:
+        told = getattr(error, "strerror", None) or "it has no frames"
+        raise DriveError(f"Not a readable video: {told}", path=path, mend=BROKEN) from error
+
+
+def _no_pictures(path: Path) -> DriveError:
+    return DriveError("Not a video: it has no pictures", path=path, mend="give a clip or a folder of pictures")
 
 
 def _decoded(container: Any, stream: Any, notices: list[str]) -> Iterator[tuple[int, Any]]:

@@ -12,6 +12,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float32
 from unveil_core.solve.looks.choice import Choice
 from unveil_core.solve.looks.motion import Motion, followed, moved
+from unveil_core.solve.looks.shutter import told_of_shutter
 from unveil_core.solve.looks.thumbs import Thumbs
 
 __all__ = ["FEWEST_FRAMES", "check_can_work"]
@@ -85,7 +86,8 @@ def check_can_work(
     told = []
     if dim < DIM:
         told.append(f"the footage is dark (mean {dim:.0f} of 255): expect fewer points; a brighter exposure helps")
-    return told
+    bent = told_of_shutter(thumbs, motion)
+    return told if bent is None else [*told, bent]
 
 
 def _cut_told(cuts: tuple[int, ...], thumbs: Thumbs) -> str:

@@ -16,6 +16,7 @@ from unveil_core.solve.drive_files import write_drive
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import FootageFrame, Reel
 from unveil_core.solve.mapping.model import FISHEYES, Model
+from unveil_core.solve.mapping.turning import told_of_focal
 from unveil_core.solve.page import solve_page
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.stages.fill import Found
@@ -36,18 +37,22 @@ def finish(
     output: Path,
     settings: SolveSettings,
     events: Events,
+    made_from: str,
     seconds: float,
 ) -> dict[str, Any]:
     frames = [f for r in reels for f in r.frames]
     labels = _kept(looked.labels, output, "semantics")
     masks = _kept(looked.masks, output, "masks")
     write_drive(output, found.model, reels, found.points, sure_of_metres=found.placed.known, labels=labels, masks=masks)
+    for reel in reels:
+        _tell_of_focal(model, reel, settings, events)
     placed_frames = set(found.model.names)
     errors = found.model.frame_errors()
     way = float(np.linalg.norm(np.diff(found.model.centres, axis=0), axis=1).sum()) if len(reels) == 1 else None
     facts: dict[str, Any] = {
         "generator": GENERATOR,
         "state": "done",
+        "made_from": made_from,
         "footage": [r.source for r in reels],
         "frames": len(frames),
         "placed": sum(f.file in placed_frames for f in frames),
@@ -72,6 +77,17 @@ def finish(
     write_json_atomic(output / RECORD, facts)
     events.end("write")
     return facts
+
+
+def _tell_of_focal(model: Model, reel: Reel, settings: SolveSettings, events: Events) -> None:
+    """Say it where a focal length is not known, and the pictures hardly tell it."""
+    number = lens_of(model, reel)
+    if number is None or known_focal(reel, settings)[0] is not None:
+        return
+    own = {f.file for f in reel.frames}
+    pictures = [int(i) for i in np.unique(model.seen_by) if model.names[i] in own]
+    if (line := told_of_focal(model, pictures, model.lenses[number].focal_px)) is not None:
+        events.notice("map", line, "warning")
 
 
 def _lens_facts(model: Model, reel: Reel, settings: SolveSettings) -> dict[str, Any]:

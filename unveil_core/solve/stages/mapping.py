@@ -13,6 +13,7 @@ import numpy as np
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_own_json, write_json_atomic
 from unveil_core.base.wording import about_as_long
+from unveil_core.solve.costs import LONGEST_SIDE, about_seconds
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import Reel
 from unveil_core.solve.mapping.model import Model, read_model
@@ -28,8 +29,6 @@ GUESSED_FOCAL = 0.9
 """Of the longer side: a field of view of 58 degrees, between phones (0.7) and dashboard cameras' crops (1.2)."""
 OTHER_FOCALS = (0.6, 1.4)
 """Where that leads nowhere."""
-LONGEST_SIDE = 2400
-"""Pixels at which features are found, at most."""
 ENOUGH = 0.95
 """Share of the frames after which no other start is tried."""
 FEWEST_PLACED = 0.5
@@ -42,8 +41,6 @@ FREER = ((True, False), (False, True), (True, True))
 """Lenses that are tried: whether they bend, and whether their centre is free."""
 GAIN = 0.03
 """Each of them is taken where it lowers the error by so large a share."""
-COST_S = {"features": 0.35, "pairs": 0.016, "mapping": 0.09, "points": 0.75}
-"""Seconds on one core: of features a megapixel, of a pair, of mapping a frame, of points a megapixel looked at."""
 
 
 def map_frames(
@@ -230,11 +227,7 @@ def _check_matches(pairs: list[list[Any]], looked: Looked, reels: Sequence[Reel]
 def _forecast(reels: Sequence[Reel], looked: Looked, settings: SolveSettings, events: Events) -> None:
     """How long the rest will take, about."""
     chosen = sum(len(n) for n in looked.chosen)
-    megapixels = reels[0].size[0] * reels[0].size[1] / 1e6 * min(1.0, LONGEST_SIDE / max(reels[0].size)) ** 2
-    looked_at = reels[0].size[0] * reels[0].size[1] / 1e6 * min(1.0, 1280 / max(reels[0].size)) ** 2
-    seconds = chosen * megapixels * COST_S["features"] * (4 if settings.thorough else 1)
-    seconds += len(looked.pairs) * COST_S["pairs"] * (4 if settings.thorough else 1)
-    seconds += chosen * (COST_S["mapping"] + looked_at * COST_S["points"])
+    seconds = about_seconds(chosen, reels[0].size, len(looked.pairs), settings.thorough)
     total = sum(len(r.frames) for r in reels)
     events.notice("look", f"{chosen} of {total} frames are solved, the others follow: about {about_as_long(seconds)}")
 
