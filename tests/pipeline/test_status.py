@@ -46,7 +46,6 @@ def test_settings_make_stale_what_they_influence_and_what_follows(
 ) -> None:
     assert states(root, capsys, "--seed", "7")["segment"] == "done"
     assert states(root, capsys, "--movers", "keep")["segment"] == "stale"
-    assert states(root, capsys, "--without", "overlooked")["segment"] == "stale"
     assert states(root, capsys, "--without", "quilting")["segment"] == "done"
     changed = states(root, capsys, "--work-side", "32")
     assert changed["import"] == changed["segment"] == "stale"

@@ -1,4 +1,4 @@
-"""What stands beside the street and was seen in part, completed stretch by stretch: facades, hedges, garden walls and fences."""
+"""Facades that were seen in part, completed stretch by stretch."""
 
 from __future__ import annotations
 
@@ -16,12 +16,10 @@ from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.by_stretch import StreetFill
-from unveil_core.inpaint.facade.barriers import complete_barriers, read_barriers
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade, replaced_by
 from unveil_core.inpaint.facade.offsets import share_facing
 from unveil_core.inpaint.stretches import Stretch
 from unveil_core.raster.picture import render_numpy
-from unveil_core.semantics.classes import BARRIER_CLASSES
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["Completed", "complete_upright", "sky_behind"]
@@ -36,7 +34,7 @@ class Completed:
     """What completes things that were seen in part.
 
     Attributes:
-        walls: surfels of houses and barriers where something of them is missing; None where nothing is.
+        walls: surfels of houses where something of them is missing; None where nothing is.
         curtains: surfels in facades' planes over which the sky goes on, None where none does.
         sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
             where something is.
@@ -53,7 +51,7 @@ class Completed:
 
 
 def complete_upright(fill: StreetFill, remaining: Surfels) -> Completed:
-    """Facades, barriers and the sky over facades, of all stretches.
+    """Facades and the sky over them, of all stretches.
 
     Args:
         fill: the street; remaining: the scene without what is removed.
@@ -99,7 +97,6 @@ class _Beside:
         """What the stretch owns of that: the arrays of :data:`COMPLETED` by name; (2,) whether houses stand on
         its ``sides``, and which of these are ``mended``; and indices ``displaced``."""
         told = self._houses()
-        self._barriers()
         arrays = {
             f"{name}.{key}": array
             for name, parts in self.found.items()
@@ -150,19 +147,6 @@ class _Beside:
             self._add("walls", invented.walls)
             self._add("curtains", invented.open if on("sky_over_facades") else None)
         return told
-
-    def _barriers(self) -> None:
-        """Complete the hedges, garden walls and fences."""
-        labels = self.fill.scene.labels.indices(BARRIER_CLASSES)
-        (surfels, those), seen = self._of(labels), self._views(labels)
-        owned = self._owned(surfels)
-        for left in (False, True) if on("barriers") else ():
-            barriers = read_barriers(self.fill.ground, surfels, seen, left=left, along=self.stretch.s_around)
-            if barriers is None:
-                continue
-            invented, filled = complete_barriers(barriers, sh_degree=surfels.sh_degree)
-            self._displace(those[owned & replaced_by(barriers.chart, filled, surfels)])
-            self._add("walls", invented)
 
     def _views(self, labels: Sequence[int]) -> Sequence[FacadeView]:
         """What the frames that see the stretch show of upright surfaces of some ``labels``."""

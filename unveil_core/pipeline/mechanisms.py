@@ -35,10 +35,6 @@ class Mechanism:
 
 _LISTED = (
     Mechanism(
-        "overlooked", "segment", ("semantics.overlooked",),
-        "labels that overlook an object which other frames show are left out",
-    ),
-    Mechanism(
         "ground_by_photographs", "reconstruct", ("optimize.ground_start", "ground.by_photographs"),
         "where no LiDAR measured the ground, photographs that agree on it tell where surfels start",
     ),
@@ -152,9 +148,6 @@ _LISTED = (
         "invented ground gets surfels wherever a view looks through what was removed",
     ),
     Mechanism(
-        "barriers", "inpaint", ("inpaint.facade.barriers",), "hedges, garden walls and fences go on behind cars",
-    ),
-    Mechanism(
         "facades", "inpaint",
         ("inpaint.facade.facade_chart", "inpaint.facade.wall_fill", "inpaint.facade.offsets"),
         "facades are completed by other parts of themselves, and the sky over them",
@@ -162,7 +155,7 @@ _LISTED = (
     Mechanism("sky_over_facades", "inpaint", ("inpaint.upright:sky_behind",), "the sky over facades goes on behind what hid it"),
     Mechanism(
         "carried_facades", "inpaint", ("inpaint.facade.offsets:carried_on", "inpaint.facade.facade_chart:where_hidden"),
-        "facades and barriers go on where something hides that they do",
+        "facades go on where something hides that they do",
     ),
     Mechanism(
         "replaced_walls", "inpaint", ("inpaint.facade.facade_chart:replaced_by",),

@@ -12,7 +12,6 @@ from unveil_core.base.errors import SelectionError
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID
 
 __all__ = [
-    "BARRIER_CLASSES",
     "CITYSCAPES",
     "COLORS",
     "GROUND_CLASSES",
@@ -44,8 +43,6 @@ GROUND_CLASSES = ("road", "sidewalk", "terrain")
 """The ground: what objects stand on."""
 SIDE_CLASSES = ("building", "wall", "fence")
 """Surfaces that bound the ground beside the street."""
-BARRIER_CLASSES = ("vegetation", "wall", "fence")
-"""What gardens are bounded by: hedges, walls and fences."""
 THIN_CLASSES = ("pole", "traffic light", "traffic sign")
 """Objects so thin that labels and depth do not register there: no evidence for or against motion."""
 SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")

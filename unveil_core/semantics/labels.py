@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError, SelectionError
 from unveil_core.base.frame_cache import FrameCache, Frames
-from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.labels.codes import BLACK, WHITE
 from unveil_core.drives.labels.reading import instances_of, mask_of, semantics_of
@@ -46,8 +44,6 @@ class SceneLabels:
         removed: names of the classes that are removed whole; may be empty when single instances are chosen.
         instances: ids of single objects that are removed.
         pixel_counts: pixels per label over the drive, as many as labels.
-        overlooked: folder of masks, as ``<camera>/<frame>.png``, of the pixels in which a frame's labels overlook an object and do
-            not count; None where nobody has looked for such.
     """
 
     labels: LabelSet
@@ -55,7 +51,6 @@ class SceneLabels:
     removed: tuple[str, ...]
     instances: tuple[int, ...]
     pixel_counts: tuple[int, ...]
-    overlooked: Path | None = None
 
     @property
     def removed_labels(self) -> tuple[int, ...]:
@@ -192,13 +187,9 @@ def _check_instances(drive: Drive, instances: Sequence[int], known: Collection[i
 
 
 def frame_labels(frame: Frame, scene: SceneLabels) -> NDArray[np.int64]:
-    """(H, W) compact labels of a frame, -1 where unknown (void, an overlooked object, or a frame without a mask)."""
+    """(H, W) compact labels of a frame, -1 where unknown (void, or a frame without a mask)."""
     if scene.source == "semantics":
-        label = scene.labels.compact(semantics_of(frame))
-        without = None if scene.overlooked is None else scene.overlooked / frame.camera_name / f"{frame.name}.png"
-        if without is not None and without.is_file():
-            label[read_label_image(without) > 127] = -1
-        return label
+        return scene.labels.compact(semantics_of(frame))
     if scene.source == "nothing":
         return np.zeros((frame.camera.height, frame.camera.width), dtype=np.int64)
     if frame.mask_path is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +46,7 @@ def load_labels(workspace: Workspace) -> SceneLabels:
         WorkspaceError: labels.json is missing or damaged.
     """
     path = workspace.labels_json
-    return _labels(workspace, path, {"removed": [], "instances": [], **_object(path)})
+    return _labels(path, {"removed": [], "instances": [], **_object(path)})
 
 
 def load_selection(workspace: Workspace) -> SceneLabels:
@@ -57,7 +56,7 @@ def load_selection(workspace: Workspace) -> SceneLabels:
         WorkspaceError: labels.json or selection.json is missing or damaged.
     """
     path = workspace.selection_json
-    return _labels(workspace, path, {**_object(workspace.labels_json), **_object(path)})
+    return _labels(path, {**_object(workspace.labels_json), **_object(path)})
 
 
 def _object(path: Path) -> dict[str, Any]:
@@ -71,9 +70,9 @@ def _object(path: Path) -> dict[str, Any]:
     return content
 
 
-def _labels(workspace: Workspace, path: Path, content: dict[str, Any]) -> SceneLabels:
+def _labels(path: Path, content: dict[str, Any]) -> SceneLabels:
     try:
-        return replace(SceneLabels.from_json(content), overlooked=workspace.root / "masks/overlooked")
+        return SceneLabels.from_json(content)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise WorkspaceError(f"Not a choice of labels: {error}", path=path, mend=MEND) from error
 

@@ -156,7 +156,7 @@ def read_facade(
     offset[fanned_out(ground, s, offset)] = np.nan
     if not np.isfinite(offset).any():
         return None
-    coarse, hidden = where_hidden(ground, s, offset, views, reach_m, HIGHEST_M, EAVES_M)
+    coarse, hidden = where_hidden(ground, s, offset, views, reach_m)
     offset = carried_on(offset, hidden, texel_m)
     offset[fanned_out(ground, s, offset)] = np.nan
     lacks = coarse.unseen[np.isfinite(offset[:: _coarser(texel_m)])].any(axis=0)
@@ -177,21 +177,17 @@ def where_hidden(
     offset: Float64,
     views: Sequence[FacadeView],
     reach_m: float,
-    top_m: float,
-    up_to_m: float,
-    roof_m: float = ROOF_M,
 ) -> tuple[FacadeChart, Mask]:
     """What the views show as if something stood everywhere, in coarse texels; and (A,) where something removed hides that so far up
     that nothing tells whether it stands there.
 
     Args:
         s, offset: (A,) of what stands somewhere, NaN elsewhere.
-        top_m: height of the coarse chart; up_to_m: height up to which it must be hidden, metres.
     """
     known, factor = np.flatnonzero(np.isfinite(offset)), _coarser(float(s[1] - s[0]))
     everywhere = np.interp(np.arange(len(s)), known, offset[known])
-    coarse = read_views(empty_chart(ground, s[::factor], everywhere[::factor], top_m), views, reach_m, roof_m)
-    low, high = (int(h * coarse.per_m) for h in (LOW_M, up_to_m))
+    coarse = read_views(empty_chart(ground, s[::factor], everywhere[::factor], HIGHEST_M), views, reach_m)
+    low, high = (int(h * coarse.per_m) for h in (LOW_M, EAVES_M))
     hidden = coarse.unseen[:, low:high].mean(axis=1) >= MOSTLY
     return coarse, np.repeat(hidden, factor)[: len(s)]
 
@@ -209,7 +205,7 @@ def empty_chart(ground: Ground, s: Float64, offset: Float64, top: float) -> Faca
     return FacadeChart(ground, texel, 1.0 / texel, float(s[0]), offset, color, no, no, no, no)
 
 
-def read_views(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float, roof_m: float = ROOF_M) -> FacadeChart:
+def read_views(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) -> FacadeChart:
     """The chart with what the views show of it."""
     rows, columns = (p.ravel() for p in np.indices(chart.known.shape))
     stands = np.isfinite(chart.offset)[rows]
@@ -227,14 +223,14 @@ def read_views(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float, 
         # At the border of what is removed pixels are mixed.
         clear = ~grow(view.removed, border_px(view.camera.width, 1))[y, x]
         behind, agree = view.depth[y, x] - z, AGREE_M + AGREE * z
-        seen = view.on_wall[y, x] & clear & (behind > -agree) & (behind < agree + roof_m)
+        seen = view.on_wall[y, x] & clear & (behind > -agree) & (behind < agree + ROOF_M)
         # Seen from along the street a facade is foreshortened.
         distance = np.maximum(np.linalg.norm(world[part] - view.camera.centre, axis=1), 1e-9)
         straight = np.abs(chart.offset[rows[part]]) / distance
         w = (straight / z) ** 3
         through = clear & view.sky[y, x]
         sky[part[through]] += w[through]
-        past = clear & ~view.sky[y, x] & (behind > agree + roof_m)
+        past = clear & ~view.sky[y, x] & (behind > agree + ROOF_M)
         beyond[part[past]] += w[past]
         w = np.where(behind < agree, w, ROOF_WEIGHT * w)
         texels.take(part[seen], pixel[seen], w[seen], view.image)

@@ -12,7 +12,7 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["LOW_M", "carried_on", "facade_offsets", "fanned_out", "offsets_along", "share_facing"]
+__all__ = ["LOW_M", "carried_on", "facade_offsets", "fanned_out", "share_facing"]
 
 BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 """Spacing along s at which the facade's offset is found, half length of the stretch whose surfels count for it, metres, and
@@ -52,10 +52,10 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     order = np.argsort(street[facing, 0], kind="stable")
     along, aside = street[facing][order, :2].T
     level = np.floor(height[facing][order] / LEVEL_M).astype(np.int64)
-    return offsets_along(along, s, AROUND_M, lambda near: _tall_wall(aside[near], level[near]))
+    return _offsets_along(along, s, AROUND_M, lambda near: _tall_wall(aside[near], level[near]))
 
 
-def offsets_along(along: Float64, s: Float64, around_m: float, offset_of: Callable[[slice], float]) -> Float64:
+def _offsets_along(along: Float64, s: Float64, around_m: float, offset_of: Callable[[slice], float]) -> Float64:
     """(A,) lateral offset of something at arc lengths ``s`` (A,) increasing, NaN where it does not stand: without spikes and short
     pieces, and joined over short gaps.
 
@@ -138,17 +138,17 @@ def _without_spikes(offset: Float64, half: int) -> Float64:
     return result
 
 
-def carried_on(offset: Float64, hidden: Mask, texel: float, carried_m: float = CARRIED_M) -> Float64:
+def carried_on(offset: Float64, hidden: Mask, texel: float) -> Float64:
     """Offsets (A,) ``texel`` metres apart, those of ``hidden`` (A,) stretches like that of the facade that runs into them.
 
-    A facade that was seen to end before is not carried on; of two, each place gets the nearer one's, at most ``carried_m`` metres
+    A facade that was seen to end before is not carried on; of two, each place gets the nearer one's, at most ``CARRIED_M``
     away.
     """
     result = offset.copy()
     if not on("carried_facades"):
         return result
     edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden & ~np.isfinite(offset), [0]]).astype(np.int8)))
-    touch, farthest = max(1, round(TOUCH_M / texel)), carried_m / texel
+    touch, farthest = max(1, round(TOUCH_M / texel)), CARRIED_M / texel
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         rows = np.arange(first, last)
         distance = np.full((2, last - first), np.inf)

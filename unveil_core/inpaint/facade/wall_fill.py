@@ -1,4 +1,4 @@
-"""What nobody saw of a wall, a hedge or a fence: carried over like the ground, with detail of other parts laid on that."""
+"""What nobody saw of a wall: carried over like the ground, with detail of other parts laid on that."""
 
 from __future__ import annotations
 
