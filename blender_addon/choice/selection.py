@@ -213,27 +213,31 @@ def standing(scene: Any) -> list[UnveilObject]:
 # ---------------------------------------------------------------------------------------------------------- what a run gets
 
 
+def chosen(scene: Any) -> tuple[list[str], list[int]]:
+    """Names of the classes that go whole, and ids of the single objects that go beside them."""
+    listed = scene.unveil_selection
+    rows, ticked = _rows(listed), column(listed, "chosen", bool)
+    whole = _whole_rows(listed, rows, ticked)
+    goes = ticked & ~column(listed, "moves", bool) & ~np.isin(rows, whole)
+    goes[[int(i) for i in np.flatnonzero(rows == MARKED) if not stands(listed.objects[int(i)])]] = False
+    return [listed.classes[row].name for row in whole], [int(n) for n in column(listed, "number", int)[goes]]
+
+
 def chosen_classes(scene: Any) -> list[str]:
     """Names of the classes that go whole."""
-    return [scene.unveil_selection.classes[row].name for row in _whole_rows(scene.unveil_selection)]
-
-
-def _whole_rows(listed: UnveilSelection) -> list[int]:
-    """Rows of these classes: all of their objects are chosen, or they have none and are chosen themselves."""
-    rows, chosen = _rows(listed), column(listed, "chosen", bool)
-    counts = np.bincount(rows[rows >= 0], minlength=len(listed.classes))
-    left = np.bincount(rows[(rows >= 0) & ~chosen], minlength=len(listed.classes))
-    return [i for i, c in enumerate(listed.classes) if (not left[i] if counts[i] else c.alone)]
+    return chosen(scene)[0]
 
 
 def chosen_numbers(scene: Any) -> list[int]:
     """Ids of the single objects that go beside these classes."""
-    listed = scene.unveil_selection
-    goes = (
-        column(listed, "chosen", bool) & ~column(listed, "moves", bool) & ~np.isin(_rows(listed), _whole_rows(listed))
-    )
-    goes[[i for i in _marked(listed) if not stands(listed.objects[i])]] = False
-    return [int(number) for number in column(listed, "number", int)[goes]]
+    return chosen(scene)[1]
+
+
+def _whole_rows(listed: UnveilSelection, rows: np.ndarray, ticked: np.ndarray) -> list[int]:
+    """Rows of the classes that go whole: all of their objects are chosen, or they have none and are chosen themselves."""
+    counts = np.bincount(rows[rows >= 0], minlength=len(listed.classes))
+    left = np.bincount(rows[(rows >= 0) & ~ticked], minlength=len(listed.classes))
+    return [i for i, c in enumerate(listed.classes) if (not left[i] if counts[i] else c.alone)]
 
 
 def _marked(listed: UnveilSelection) -> list[int]:
@@ -311,23 +315,25 @@ def chosen_arguments(scene: Any) -> list[str]:
 
 def _chosen_arguments(scene: Any) -> list[str]:
     found: list[str] = []
-    classes, numbers = chosen_classes(scene), chosen_numbers(scene)
+    classes, numbers = chosen(scene)
     if classes:
         found += ["--remove", ",".join(classes)]
     if numbers:
         found += ["--instances", ",".join(str(n) for n in numbers)]
+    listed = scene.unveil_selection
+    told = np.flatnonzero((column(listed, "grow", int) > 0) | column(listed, "keep_shadow", bool))
     single = [
         entry
-        for o in scene.unveil_selection.objects
-        for entry, told in ((f"{o.number}:grow={o.grow}", o.grow > 0), (f"{o.number}:shadow=keep", o.keep_shadow))
-        if told
+        for o in (listed.objects[int(i)] for i in told)
+        for entry, has in ((f"{o.number}:grow={o.grow}", o.grow > 0), (f"{o.number}:shadow=keep", o.keep_shadow))
+        if has
     ]
     return [*found, "--per-object", ",".join(single)] if single else found
 
 
 def problem(scene: Any) -> str:
     """One line on why nothing can be removed as things stand, or an empty string."""
-    if not current(scene) or chosen_classes(scene) or chosen_numbers(scene):
+    if not current(scene) or any(chosen(scene)):
         return ""
     if not scene.unveil_selection.objects:
         return "Nothing is chosen: the drive has no labelled objects; add a box or mattes"

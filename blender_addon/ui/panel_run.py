@@ -129,6 +129,7 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
             _settings(column, settings, ADVANCED)
         if not session.busy and next_step(context).operator != "unveil.run":  # which has it above
             row = layout.row(align=True)
+            row.enabled = bool(settings.drive)
             row.operator("unveil.run", icon="PLAY")
             row.operator("unveil.preview", icon="HIDE_OFF")
         found = stage_states(scene)

@@ -7,7 +7,7 @@ from functools import partial
 
 import bpy
 
-__all__ = ["TAB", "open_tab"]
+__all__ = ["TAB", "open_tab", "tab_in_sight"]
 
 TAB = "Unveil"
 DRAWN_S = 0.2
@@ -36,3 +36,16 @@ def _choose(index: int) -> None:
             except TypeError:  # it has no such tab yet
                 return
             region.tag_redraw()
+
+
+def tab_in_sight() -> bool:
+    """Whether a 3D view shows the add-on's tab: its first section tells what a job tells."""
+    areas = (area for window in bpy.context.window_manager.windows for area in window.screen.areas)
+    sidebars = (
+        region
+        for area in areas
+        if area.type == "VIEW_3D" and area.spaces.active.show_region_ui
+        for region in area.regions
+        if region.type == "UI"
+    )
+    return any(getattr(region, "active_panel_category", "") == TAB for region in sidebars)

@@ -8,6 +8,7 @@ import bpy
 from ...scene import versions
 from ...worker.job_state import JobState, duration
 from ...worker.session import session
+from .sidebar import tab_in_sight
 
 __all__ = ["tell", "tell_end"]
 
@@ -37,7 +38,8 @@ def tell_end(title: str, state: JobState, shown: bool, workspace: str) -> None:
     if state.status == "cancelled":
         tell(f"{title}: cancelled; start it again to go on", "WARNING")
     elif state.status != "done":
-        tell(f"{title}: {state.error}", "ERROR")
+        # What pops up lies over the sidebar, where the pointer is, and stays until that leaves it.
+        tell(f"{title}: {state.error}", "WARNING" if tab_in_sight() else "ERROR")
     elif shown:
         tell(f"{title}: done in {duration(session.took_s)}")
     else:

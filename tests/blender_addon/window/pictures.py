@@ -127,6 +127,7 @@ def main() -> int:
         time.sleep(2)
         after = window.picture("after")
         window.tell("scene.unveil_view.state = 'BEFORE'; area_of('VIEW_3D')[1].tag_redraw()")
+        time.sleep(2)
         before = window.picture("before")
         x, y = (left + right - width) / 2, (top + bottom - height) / 2
         crop = f"{round(width) - 4}x{round(height) - 4}+{round(x) + 2}+{round(y) + 2}"
