@@ -6,7 +6,7 @@
 ``read`` writes the planes of the whole street's chart, as the frames show it, and ``objects``, the numbers of the removed objects
 that stand there. ``fill`` takes that chart, whatever the tree would have read itself, so that all trees fill the same one: for each
 ``HOLES/NAME.npz`` (``holes`` (A, B) uint16, the number of the hole, and ``footprint`` (A, B) bool, what stood there) it writes
-``OUTPUT/NAME.npz`` with the filled ``color`` (A, B, 3) uint8.
+``OUTPUT/NAME.npz`` with the filled ``color`` (A, B, 3) uint8. The tree finds the sun itself, once, without the holes.
 The mechanisms, if any, do not work.
 """
 
@@ -27,6 +27,7 @@ from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.by_stretch import StreetFill
 from unveil_core.inpaint.chart.footprint import footprint_of
 from unveil_core.inpaint.chart.street_chart import OUTSIDE, PLANES, StreetChart, rows_of
+from unveil_core.inpaint.light.sun import Sun
 from unveil_core.inpaint.stretches import Stretch, cut_street
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import StageContext
@@ -56,16 +57,9 @@ class HoledStreet(StreetFill):
         place = np.array([s_start + texel * stretch.rows[0], t_start, texel])
         return StreetChart.from_arrays(self.ground, {**planes, "place": place})
 
-    def _footprints(self, stretch: Stretch, chart: StreetChart) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        first = round((chart.s_start - self.chart["place"][0]) / chart.texel)
-        planted = self.footprint[first : first + len(chart.source)]
-        own, casting = super()._footprints(stretch, chart)
-        return own | planted, casting | planted
-
     def _footprint(self, stretch: Stretch, chart: StreetChart) -> NDArray[np.bool_]:
-        """What older trees ask for."""
         first = round((chart.s_start - self.chart["place"][0]) / chart.texel)
-        own: NDArray[np.bool_] = super()._footprint(stretch, chart)  # type: ignore[misc]
+        own: NDArray[np.bool_] = super()._footprint(stretch, chart)
         return own | self.footprint[first : first + len(own)]
 
 
@@ -138,12 +132,12 @@ def fill(root: Path, chart: Path, holes: Path, output: Path) -> None:
         assert isinstance(street, HoledStreet)
         street.chart = planes
         street.holes = street.footprint = np.zeros(planes["source"].shape, dtype=bool)
-        given = [street.find_sun()] if hasattr(street, "find_sun") else []  # older trees
+        sun: Sun | None = street.find_sun()
         for path in sorted(holes.glob("*.npz")):
             with np.load(path) as data:
                 street.holes, street.footprint = data["holes"] > 0, data["footprint"]
             street.kept = Kept(Path(scratch) / path.stem)
-            filled = street.fill(*given, shadows=True) or street  # the street itself is what older trees fill
+            filled = street.fill(sun, shadows=True) or street  # the street itself is what older trees fill
             color = np.zeros(planes["color"].shape, np.uint8)
             for stretch in street.stretches:
                 color[slice(*stretch.rows)] = np.round(np.clip(filled.own(stretch).color, 0, 1) * 255)

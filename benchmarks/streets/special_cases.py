@@ -141,7 +141,7 @@ def main() -> None:
     """Measure the cases of the command line on its seeds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=seeds_of, default=[])
-    parser.add_argument("--cases", default="quilting,facades,path_ahead", help="names, or all")
+    parser.add_argument("--cases", default="houses,quilting,facades,path_ahead", help="names, or all")
     parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
     parser.add_argument("--cache", type=Path, default=None)
     parser.add_argument(

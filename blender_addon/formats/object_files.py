@@ -21,6 +21,7 @@ __all__ = [
     "ListedClass",
     "ListedObject",
     "Mark",
+    "found_sun",
     "read_choice",
     "read_fixes",
     "read_keyframes",
@@ -190,6 +191,16 @@ def recorded_drive(workspace: Path) -> str:
         return _text(data.get("drive", ""))
 
     return _read(workspace / "workspace.json", understood, "", "run it again")
+
+
+def found_sun(workspace: Path) -> tuple[float, float] | None:
+    """Azimuth, clockwise from the y axis, and elevation of the sun that a run went by, degrees; None where it found none."""
+
+    def understood(data: Any) -> tuple[float, float] | None:
+        sun = ((data.get("stages") or {}).get("inpaint") or {}).get("sun")
+        return None if sun is None else (_number(sun["azimuth_deg"]), _number(sun["elevation_deg"]))
+
+    return _read(workspace / "workspace.json", understood, None, "run it again")
 
 
 def recorded_settings(workspace: Path) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -108,6 +109,22 @@ class UnveilSettings(bpy.types.PropertyGroup):
     preview_frames: StringProperty(
         name="Preview Frames",
         description="Frames of the timeline that a preview tries, as 1004,1050; empty: the present one",
+    )
+    sun_azimuth: FloatProperty(
+        name="Azimuth",
+        subtype="ANGLE",
+        default=math.radians(135),
+        soft_min=0,
+        soft_max=2 * math.pi,
+        description="Direction towards the sun, clockwise from the y axis (north)",
+    )
+    sun_elevation: FloatProperty(
+        name="Elevation",
+        subtype="ANGLE",
+        default=math.radians(40),
+        min=math.radians(0.1),
+        max=math.pi / 2,
+        description="Height of the sun above the horizon",
     )
     made_with: StringProperty(options={"HIDDEN"})
     show_more: BoolProperty(

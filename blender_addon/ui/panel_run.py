@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from ..formats.table.run_settings import ADVANCED, BASIC, RunSetting
+from ..formats.table.run_settings import ADVANCED, BASIC, SUN, RunSetting
 from ..scene.view import shown_drive
 from ..work.stage_states import stage_states
 from ..worker.job_state import duration
@@ -186,9 +186,12 @@ class UNVEIL_PT_stages(Section, bpy.types.Panel):
 
 
 def _settings(column: bpy.types.UILayout, settings: Any, shown: Sequence[RunSetting]) -> None:
-    """A row for each."""
+    """A row for each; the sun below the shadows where it is given."""
     for setting in shown:
         column.prop(settings, setting.name, text=SHORT.get(setting.name, setting.label))
+        if setting.shape == "sun" and settings.shadows == "given":
+            for name in SUN:
+                column.prop(settings, name)
 
 
 def _has_results(context: bpy.types.Context) -> bool:

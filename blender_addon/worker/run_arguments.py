@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..formats.table.run_settings import SHOWN, RunSetting, same
+from ..formats.table.run_settings import SHOWN, SUN, RunSetting, same, sun_of
 
 __all__ = [
     "adopt",
@@ -102,8 +102,11 @@ def adopt(settings: Any, found: Mapping[str, object]) -> None:
         shown = setting.shown(value)
         if shown is None:
             continue
+        sun = sun_of(str(value)) if shown == "given" else None
         with suppress(TypeError, ValueError, OverflowError):  # none of the choices, too large a number
             setattr(settings, setting.name, shown)
+            for name, angle in zip(SUN, sun or (), strict=False):
+                setattr(settings, name, angle)
             taken[setting.name] = value
     settings.made_with = json.dumps(taken)
 
@@ -123,7 +126,10 @@ def _values(settings: Any, absolute: Callable[[str], str]) -> Iterator[tuple[Run
 def _still(settings: Any, setting: RunSetting, value: Any) -> bool:
     """Whether a property is as it was when ``value`` was taken over."""
     shown = setting.shown(value)
-    return shown is not None and same(getattr(settings, setting.name), shown)
+    if shown is None or not same(getattr(settings, setting.name), shown):
+        return False
+    sun = sun_of(value) if shown == "given" else None
+    return all(same(getattr(settings, name), angle) for name, angle in zip(SUN, sun or (), strict=False))
 
 
 def default_workspace(drive: str | Path, blend: str = "") -> Path:

@@ -11,7 +11,7 @@ __all__ = ["ahead", "certainty", "first_looks", "ranges", "special_cases", "with
 
 OLDER = (("0 to 9, for work, latest", range(10)), ("10 to 27, first look", range(10, 28)))
 """Groups that the page shows beside the pooled one."""
-KEPT = ("facades", "path_ahead", "quilting")
+KEPT = ("facades", "houses", "path_ahead", "quilting")
 """Special cases that the program still has."""
 
 

@@ -16,14 +16,14 @@ def test_keywords_are_settings(street: Path, tmp_path: Path) -> None:
         tmp_path / "w",
         remove=["vehicle"],
         frames=slice(None, None, 2),
-        shadows=False,
+        shadows=(135, 40.5),
         memory=512 << 20,
         cameras=None,
         until="objects",
     )
     assert isinstance(made, unveil.Workspace) and made.root == tmp_path / "w"
     told = made.settings
-    assert (told.remove, told.frames, told.shadows, told.memory) == (("vehicle",), "::2", "off", "512M")
+    assert (told.remove, told.frames, told.shadows, told.memory) == (("vehicle",), "::2", "135,40.5", "512M")
     assert len(made.frames()) == 2 and made.status()["objects"] == "done"
 
 

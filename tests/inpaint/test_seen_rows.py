@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.inpaint.parked_chart import parked_chart
+from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import TEXEL_M, rows_of
@@ -25,7 +25,7 @@ def camera_at(x: float, *, yaw: float = 0.0, pitch: float = 0.1) -> Camera:
 @pytest.mark.parametrize("yaw", [0.0, 0.6, np.pi / 2, np.pi])
 @pytest.mark.parametrize("pitch", [0.0, 0.1, 0.6])
 def test_pictures_of_what_is_left_are_those_of_all(yaw: float, pitch: float) -> None:
-    chart = parked_chart()
+    chart = sunny_chart(None)[0]
     s = chart.coordinates()[0]
     camera = camera_at(float(s[0] + s[-1]) / 2, yaw=yaw, pitch=pitch)
     seen = seen_rows(chart.ground, [camera], 0, rows_of(chart.ground))
@@ -40,5 +40,5 @@ def test_pictures_of_what_is_left_are_those_of_all(yaw: float, pitch: float) -> 
 
 
 def test_where_nothing_is_seen_all_stays() -> None:
-    chart = parked_chart()
+    chart = sunny_chart(None)[0]
     assert seen_rows(chart.ground, [camera_at(0.0, pitch=-1.2)], 0, 100) == (0, 100)

@@ -12,7 +12,9 @@ from tests.ground.test_blocks import straight
 from tests.remove.test_regions import scene, surfels_at
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.resume.checkpoint import Kept
+from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.fields.picture_field import PictureField
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
@@ -21,7 +23,7 @@ from unveil_core.inpaint.chart.street_chart import TEXEL_M, StreetChart, rows_of
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit
 from unveil_core.inpaint.light.view_light import ViewLight
 from unveil_core.inpaint.street_scene import Removal, Views
-from unveil_core.inpaint.stretches import AROUND_M, QUIET_M, Stretch, cut_street
+from unveil_core.inpaint.stretches import AROUND_M, CASTS_M, QUIET_M, Stretch, cut_street
 
 
 def level_street(frames: int) -> Ground:
@@ -116,14 +118,30 @@ def test_a_stretch_is_given_what_is_near_it_and_finds_what_it_finds_in_all() -> 
     assert len(sizes) == 5 and max(sizes) < 0.6 * len(surfels)
 
 
-def test_an_object_whose_shadow_stays_casts_none_that_goes() -> None:
+def test_only_cameras_near_a_stretch_are_asked_and_the_way_s_ends() -> None:
+    fill = fill_of(1001, crowd(10, 1001.0))
+    for stretch in fill.stretches:
+        x = centres_of([fill.cameras[i] for i in fill._asked(stretch)])[:, 0]
+        beyond = AROUND_M + CASTS_M + ASKED_M
+        near = (x >= stretch.s[0] - beyond - 1) & (x <= stretch.s[1] + beyond + 1)
+        assert abs(x[0]) < 1e-9 and abs(x[-1] - 1000.0) < 1e-9 and near[1:-1].all()
+        assert set(np.round(x)) >= set(
+            range(int(max(0, stretch.s[0] - beyond + 1)), int(min(1000, stretch.s[1] + beyond)))
+        )
+    (only,) = fill_of(80, crowd(10, 80.0)).stretches
+    assert len(fill_of(80, crowd(10, 80.0))._asked(only)) == 80
+
+
+def test_an_object_whose_shadow_stays_casts_it_though_it_goes() -> None:
     removal = crowd(4000, 501.0)
-    keeps = replace(removal, shadow_stays=frozenset({3, 5}))
-    for stretch in fill_of(501, removal).stretches:
-        near = np.flatnonzero(stretch.near(removal.surfels.means[:, 0].double().numpy()))
-        whole, casting = keeps.objects(near), keeps.objects(near, casting=True)
-        assert len(whole) == len(removal.objects(near))  # its place is filled all the same
-        assert len(casting) < len(whole) and len(removal.objects(near, casting=True)) == len(whole)
+    fill = fill_of(501, removal)
+    kept = fill_of(501, replace(removal, shadow_stays=frozenset({3, 5})))
+    for before, after in zip(fill.stretches, kept.stretches, strict=True):
+        near = fill.near(before)
+        stays = np.isin(removal.instance[near], (3, 5)) & removal.gone[near]
+        (of_all, goes), (of_kept, less) = fill._near(before), kept._near(after)
+        assert stays.any() and len(less) == len(goes) - stays.sum() and len(of_kept) == len(of_all) + stays.sum()
+        assert len(kept.removal.objects(near)) == len(removal.objects(near))  # its place is filled all the same
 
 
 def test_pictures_of_one_camera_in_two_sizes_have_each_their_own_light() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.inpaint.facade.test_continued import FACADE_T, houses, street
-from tests.inpaint.parked_chart import box_surfels
+from tests.inpaint.sunny_street import box_surfels
 from tests.remove.test_regions import scene, surfels_at
 from tests.small_street import BUILDING, SKY, make_small_street
 from unveil_core.base.pictures.decoding import read_image, read_label_image
@@ -17,11 +17,12 @@ from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.geometry.reach import centres_of
 from unveil_core.inpaint.chart.rectify import LEAST_AGREEMENT, Rectified
 from unveil_core.inpaint.facade.offsets import share_facing
+from unveil_core.inpaint.light.sun import Sun, given_sun
 from unveil_core.inpaint.upright import Completed
 from unveil_core.optimize.start import start_sky
 from unveil_core.pipeline.steps.choose import _much_left
 from unveil_core.pipeline.steps.ground import _metres_assumed, _street_assumed
-from unveil_core.pipeline.steps.inpaint import _facades_assumed
+from unveil_core.pipeline.steps.inpaint import _facades_assumed, _sun_assumed, _sun_recorded
 from unveil_core.pipeline.steps.reconstruct import _ground_assumed, _sky_assumed
 from unveil_core.pipeline.steps.remove import MOST_NAMED, _vehicles_assumed
 from unveil_core.remove.selection import select_removed
@@ -160,6 +161,18 @@ def test_of_many_long_objects_the_longest_are_named() -> None:
     found = _vehicles_assumed(boxes, {}).found
     assert found.startswith("object 9: 35.0 m long, object 8")
     assert found.endswith(f"and {9 - MOST_NAMED} more")
+
+
+def test_a_sun_that_was_given_is_recorded_as_given() -> None:
+    given = given_sun(135.0, 40.25)
+    found = Sun(given.towards, 0.41237, 135.0, 40.25)
+    place = {"azimuth_deg": 135.0, "elevation_deg": 40.25}
+    assert _sun_recorded(given, given=True) == {**place, "given": True}
+    assert _sun_recorded(found, given=False) == {**place, "score": 0.412}
+    assert _sun_recorded(None, given=False) is None
+    assert _sun_assumed(given, given=True).found == "azimuth 135, elevation 40 degrees, as given, not tested"
+    assert _sun_assumed(found, given=False).found == "azimuth 135, elevation 40 degrees"
+    assert [_sun_assumed(sun, given=sun is given).holds for sun in (given, found, None)] == [True, True, False]
 
 
 def completed(sides: int, facing: float | None) -> Completed:

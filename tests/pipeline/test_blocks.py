@@ -125,7 +125,7 @@ def test_frames_beside_a_border_show_none(drive: Path, cut: Cut) -> None:
 
 def test_what_is_done_stretch_by_stretch_is_told_so(cut: Cut) -> None:
     """Work that tells nothing for minutes cannot be cancelled either."""
-    for message in ("comparing views", "renewing the ground", "completing facades"):
+    for message in ("looking for the sun", "renewing the ground", "completing facades"):
         assert cut.told.count(("inpaint", message)) == len(cut.stretches) == 2, message
     assert ("remove", "looking for what remains of objects") in cut.told
     assert ("ground", "following lines and kerbs") in cut.told

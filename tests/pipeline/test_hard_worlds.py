@@ -5,7 +5,9 @@ The other worlds, which take longer, are in ``tests/slow/``.
 
 from __future__ import annotations
 
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,7 @@ from tests.hard_worlds import (
 )
 from tests.worlds.box_worlds import BUILDING, CAR, PERSON, TRUCK, WALL, Box, Lens, World, make_box_world, straight
 from unveil_core.pipeline.run import run
+from unveil_core.workspace.assumptions import recorded_assumptions
 
 TRAIN = 16
 PARKED = Box((9.0, -2.6, 0.7), (4.0, 1.8, 1.4), CAR, RED, removed=True)
@@ -85,17 +88,34 @@ def test_an_orbit_is_filled_as_without_charts(tmp_path: Path) -> None:
     assert not street.holds
     assert street.message() in done.said
     assert "without charts" in street.message()
+    # Without a chart nobody asks.
+    assert "the sun shines" not in done.assumed
 
 
-def test_an_overcast_street_is_as_assumed(tmp_path: Path) -> None:
+def test_an_overcast_street_has_no_sun(tmp_path: Path) -> None:
     done = outcome(tmp_path, World([*HOUSES, PARKED]), straight(0.0, 6.0, 7, y=0.3))
     assert_harmless(done, 3000)
+    sun = done.assumed["the sun shines"]
+    assert sun.message() in done.said
+    assert sun.instead == (
+        "what is dark within 2 m of a removed object counts as its shadow, as far as it is darker there than around footprints "
+        "planted elsewhere, and ends there"
+    )
     for name in (
         "the sky is above",
         "paint and kerbs run along the street",
         "walls of houses are parallel to the street",
     ):
         assert done.assumed[name].holds, name
+
+
+def test_a_sun_that_was_given_is_not_called_tested(tmp_path: Path) -> None:
+    drive = make_box_world(tmp_path / "drive", World([*HOUSES, PARKED]), straight(0.0, 6.0, 7, y=0.3))
+    workspace = run(drive, tmp_path / "workspace", replace(DRAFT, shadows="135,40"), until="inpaint")
+    stages = json.loads((workspace.root / "workspace.json").read_text())["stages"]
+    assert stages["inpaint"]["sun"] == {"azimuth_deg": 135.0, "elevation_deg": 40.0, "given": True}
+    (sun,) = (a for _, a in recorded_assumptions(stages) if a.name == "the sun shines")
+    assert sun.found == "azimuth 135, elevation 40 degrees, as given, not tested"
 
 
 def test_behind_a_lorry_of_eighteen_metres_the_street_goes_on(tmp_path: Path) -> None:

@@ -11,15 +11,18 @@ from unveil_core.base.errors import SettingsError
 from unveil_core.pipeline.settings import RunSettings
 
 
-@pytest.mark.parametrize("shadows", ["auto", "off"])
-def test_shadows_go_or_stay(shadows: str) -> None:
+@pytest.mark.parametrize(
+    ("shadows", "sun"), [("auto", None), ("off", None), ("135,40", (135.0, 40.0)), ("-20.5,8", (-20.5, 8.0))]
+)
+def test_shadows_may_tell_the_sun(shadows: str, sun: tuple[float, float] | None) -> None:
     settings = RunSettings(shadows=shadows)
+    assert settings.sun == sun
     assert RunSettings.from_json(settings.to_json()) == settings
 
 
-@pytest.mark.parametrize("shadows", ["on", "135,40", ""])
-def test_other_shadows_are_refused(shadows: str) -> None:
-    with pytest.raises(SettingsError, match="auto, off"):
+@pytest.mark.parametrize("shadows", ["on", "135", "135,0", "135,91", "1,2,3", "nan,40", ""])
+def test_a_sun_that_is_none_is_refused(shadows: str) -> None:
+    with pytest.raises(SettingsError, match="135,40"):
         RunSettings(shadows=shadows)
 
 

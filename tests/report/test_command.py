@@ -32,7 +32,7 @@ def state_of(settings: RunSettings, drive: str = "/drives/a street") -> dict[str
         RunSettings(remove=("vehicle", "human"), instances=(3, 7), quality="draft", seed=4, adapt=False),
         RunSettings(up="-y", scale=0.5, frames="-8:", cameras=("left", "right"), keyframes=("3", "7"), memory="512M"),
         RunSettings(device="cuda", baselines=True),
-        RunSettings(shadows="off", movers="keep", work_side=640, iterations=100, splats=9000, sh_degree=1),
+        RunSettings(shadows="135,40", movers="keep", work_side=640, iterations=100, splats=9000, sh_degree=1),
         RunSettings(
             segmenter="/nets/a b.onnx", marked="/marked.json", reference_inpainter="/r.onnx", inpainter="telea"
         ),

@@ -39,7 +39,7 @@ class How:
 
     Attributes:
         inpainter, order, keyframes: likewise; reference: file of the network that paints by a reference, None = none.
-        shadows: whether these are removed.
+        sun: azimuth and elevation that were given, degrees; None = it is looked for. shadows: whether these are removed.
         spacing_m: distance of new surfels of the ground, metres.
     """
 
@@ -47,6 +47,7 @@ class How:
     order: str
     keyframes: tuple[str, ...]
     reference: Path | None
+    sun: tuple[float, float] | None
     shadows: bool
     spacing_m: float
 

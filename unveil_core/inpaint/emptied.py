@@ -13,6 +13,7 @@ from unveil_core.ground.street import Ground
 from unveil_core.inpaint.by_stretch import FilledStreet, StreetFill
 from unveil_core.inpaint.cleaning import Cleaning, How, Room
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene
+from unveil_core.inpaint.light.sun import given_sun
 from unveil_core.inpaint.origin import CONTINUED, INVENTED
 from unveil_core.inpaint.renewed_ground import renew_ground
 from unveil_core.inpaint.street_scene import Given
@@ -72,7 +73,8 @@ def empty_the_street(
             kept=kept,
             progress=room.progress,
         )
-        filled = street.fill(shadows=how.shadows)
+        sun = street.find_sun() if how.sun is None else given_sun(*how.sun)
+        filled = street.fill(sun, shadows=how.shadows)
         renewed = renew_ground(filled, spacing_m=how.spacing_m)
         edit, added = replace(edit, displaced=renewed.displaced, relit=renewed.relit), renewed.added
     remaining = edit.apply(surfels)

@@ -53,13 +53,17 @@ class Removal:
     instance: Labels
     shadow_stays: frozenset[int] = frozenset()
 
-    def objects(self, near: NDArray[np.int64], *, casting: bool = False) -> list[NDArray[np.float64]]:
-        """(M, 3) positions of the removed surfels among those at indices ``near`` (K,), one array per object; ``casting``: of those
-        whose shadows go."""
+    def casts(self, near: NDArray[np.int64]) -> Mask:
+        """(K,) which of the surfels at indices ``near`` (K,) cast a shadow that goes."""
+        stays = np.isin(self.instance[near], list(self.shadow_stays))
+        goes: Mask = self.gone[near] & ~stays
+        return goes
+
+    def objects(self, near: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+        """(M, 3) positions of the removed surfels among those at indices ``near`` (K,), one array per object."""
         gone = near[self.gone[near]]
         members = Members(self.instance[gone])
-        stays = self.shadow_stays if casting else frozenset()
-        return [self._positions(gone[members[i]]) for i in members.numbers.tolist() if i > 0 and i not in stays]
+        return [self._positions(gone[members[i]]) for i in members.numbers.tolist() if i > 0]
 
     def loose(self, near: NDArray[np.int64]) -> NDArray[np.float64]:
         """(M, 3) positions of the removed surfels that belong to no object, likewise."""

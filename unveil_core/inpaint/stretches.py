@@ -20,13 +20,13 @@ from unveil_core.ground.blocks import Blocks
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import READ_M, TEXEL_M, rows_of
 
-__all__ = ["Stretch", "cut_street", "seen_rows"]
+__all__ = ["CASTS_M", "Stretch", "cut_street", "seen_rows"]
 
 AROUND_M = 25.0
 """Length beyond its ends that a stretch reads as its surroundings, metres: twice the half length of the widest window in which
-medians are taken, see ``fill.chart_fill``."""
-BESIDE_M = 60.0
-"""Distance beyond that from which something may hide what a stretch reads, metres."""
+medians and shade are taken, see ``fill.chart_fill`` and ``light.scene_light``."""
+CASTS_M = 60.0
+"""Distance beyond that from which shadows fall into a stretch, metres: of a house of 15 m with the sun 14 degrees high."""
 QUIET_M, QUIET_SHARE = 12.0, 0.25
 """How far from the middle between two blocks their stretches may part, metres, over a parked lorry, and as a share of the shorter
 block."""
@@ -72,9 +72,9 @@ class Stretch:
         """(N,) which arc lengths (N,) are its own."""
         return (s >= self.s[0]) & (s < self.s[1])
 
-    def near(self, s: Float64, beyond: float = BESIDE_M) -> Mask:
-        """(N,) which arc lengths (N,) lie no farther than ``beyond`` from its surroundings, metres; by default of what may hide
-        what it reads."""
+    def near(self, s: Float64, beyond: float = CASTS_M) -> Mask:
+        """(N,) which arc lengths (N,) lie no farther than ``beyond`` from its surroundings, metres; by default of what may hide,
+        light or shade what it reads."""
         return (s >= self.s_around[0] - beyond) & (s < self.s_around[1] + beyond)
 
 

@@ -106,6 +106,47 @@ _LISTED = (
         "footprint_hulls", "inpaint", ("inpaint.chart.footprint:_pieces",), "an object stands on the hull of its low surfels",
     ),
     Mechanism(
+        "sun", "inpaint",
+        (
+            "inpaint.light.sun_by_shadows", "inpaint.light.sun", "inpaint.light.sun_kernels", "inpaint.light.shadow_map",
+            "inpaint.light.scene_light", "inpaint.light.casters", "inpaint.light.crowns", "inpaint.light.houses",
+        ),
+        "the sun is looked for by the shadows on the ground; else what is dark around removed objects is their shadow",
+    ),
+    Mechanism(
+        "sun_by_holes", "inpaint", ("inpaint.chart.planted",),
+        "a sun that is not clear must fill planted holes better than none",
+    ),
+    Mechanism("crowns", "inpaint", ("inpaint.light.crowns",), "crowns of trees are completed for their shadows"),
+    Mechanism(
+        "caster_company", "inpaint", ("inpaint.light.casters:_in_company",), "surfels that float alone cast no shadow",
+    ),
+    Mechanism(
+        "lit_wall_feet", "inpaint", ("inpaint.light.casters:lit_at_sunny_walls",), "a sunny wall does not shade its own foot",
+    ),
+    Mechanism(
+        "houses", "inpaint", ("inpaint.light.houses",),
+        "houses are solid columns in the shadow map, flush with their facades, and go on beyond the drive's ends",
+    ),
+    Mechanism(
+        "houses_beyond", "inpaint", ("inpaint.light.houses:_ends", "inpaint.light.houses:_End"),
+        "houses go on beyond the drive's ends as the shadows there tell",
+    ),
+    Mechanism(
+        "tinted_shade", "inpaint",
+        ("inpaint.light.shade:lines_along", "inpaint.light.shade:beside_lines", "inpaint.light.shade:_amid"),
+        "shade is told from paint by its blue",
+    ),
+    Mechanism(
+        "refuted_shade", "inpaint", ("inpaint.light.shade:_refuted",), "cast shadows of which only sunny ground is seen go",
+    ),
+    Mechanism(
+        "moved_shade", "inpaint", ("inpaint.light.shade:_moved",), "cast shadows are moved to where they are seen to lie",
+    ),
+    Mechanism(
+        "corrected_shade", "inpaint", ("inpaint.light.shade:_correction",), "observed shade corrects what the scene casts",
+    ),
+    Mechanism(
         "sunny_exceptions", "inpaint", ("inpaint.light.darkness:sunny_exceptions",),
         "in shade all along, few sunny places tell nothing of the ground",
     ),
@@ -119,7 +160,7 @@ _LISTED = (
     ),
     Mechanism(
         "even_sky", "inpaint", ("inpaint.light.relight:under_an_even_sky", "inpaint.light.relight:sky_gain"),
-        "relighting gives back no more than an even sky does, but where a sun made the shadow",
+        "without a sun, relighting gives back no more than an even sky",
     ),
     Mechanism(
         "still_dark", "inpaint", ("inpaint.light.relight:still_dark",),
@@ -128,6 +169,10 @@ _LISTED = (
     Mechanism(
         "levelled_border", "inpaint", ("inpaint.light.relight:levelled_border",),
         "along a shadow's border each texel becomes as bright as its lateral offset",
+    ),
+    Mechanism(
+        "short_profile", "inpaint", ("inpaint.fill.chart_fill:_profile",),
+        "the brightness of a lateral offset is that of a short stretch, its paint that of a long one",
     ),
     Mechanism(
         "lateral_lines", "inpaint", ("inpaint.fill.lateral_lines",), "lines along the street are carried apart from the ground",

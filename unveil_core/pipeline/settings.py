@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -13,14 +14,13 @@ from unveil_core.base.kernels.device import DEVICES
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 from unveil_core.pipeline.mechanisms import check_mechanisms
 
-__all__ = ["MOVERS", "ORDERS", "POSES", "QUALITIES", "SHADOWS", "UPS", "RunSettings", "bytes_of"]
+__all__ = ["MOVERS", "ORDERS", "POSES", "QUALITIES", "UPS", "RunSettings", "bytes_of"]
 
 QUALITIES = ("draft", "standard", "high")
 MOVERS = ("auto", "keep")
 POSES = ("auto", "given")
 ORDERS = ("reverse", "forward", "independent")
 UPS = ("x", "y", "z", "-x", "-y", "-z")
-SHADOWS = ("auto", "off")
 """Axes of a drive that may be up; the directions are ``drives.placement.UP_AXES``."""
 LEAST_MEMORY = 64 << 20
 """Fewest bytes for the frames of a stage: a few of 1920x1280 with all that training asks of them."""
@@ -84,7 +84,8 @@ class RunSettings:
             on it.
         segmenter: path of an ONNX file that labels the frames (see ``labelling.segmenter``), made absolute; None = the labels
             that the drive has, or what follows from its boxes and labelled points.
-        shadows: "auto" removes the shadows of removed objects too, "off" keeps them.
+        shadows: "auto" removes the shadows of removed objects too, "off" keeps them; "AZIMUTH,ELEVATION" in degrees gives the
+            direction to the sun instead of estimating it from the shadows (see ``inpaint.light.sun.sun_towards``).
         iterations, splats: steps and largest number of surfels of the reconstruction; None = chosen while it runs, by held-out
             error against cost.
         sh_degree: of the spherical harmonics, 0 to 3; None = chosen while the scene is reconstructed, and 0 in the empty one, which
@@ -165,12 +166,16 @@ class RunSettings:
             ("movers", self.movers, MOVERS),
             ("poses", self.poses, POSES),
             ("up", self.up, (None, *UPS)),
-            ("shadows", self.shadows, SHADOWS),
         ):
             if value not in known:
                 raise SettingsError(
                     f"Not a choice of {name}: {value!r}", mend=f"use one of {', '.join(k for k in known if k)}"
                 )
+        if self.shadows not in ("auto", "off") and self.sun is None:
+            raise SettingsError(
+                f"Not a choice of shadows: {self.shadows}",
+                mend="use auto, off, or the sun's azimuth and elevation in degrees, as 135,40",
+            )
         if self.keyframes and self.order == "independent":
             raise SettingsError(
                 "Not used when each frame is filled for itself: keyframes",
@@ -222,6 +227,15 @@ class RunSettings:
         """Removed objects whose shadows are left in the street."""
         told = [_object_setting(entry) for entry in self.per_object]
         return frozenset(int(number) for number, key, _ in told if key == "shadow")
+
+    @property
+    def sun(self) -> tuple[float, float] | None:
+        """Azimuth and elevation of the sun, degrees, where ``shadows`` gives them."""
+        try:
+            azimuth, elevation = (float(part) for part in self.shadows.split(","))
+        except ValueError:
+            return None
+        return (azimuth, elevation) if math.isfinite(azimuth) and 0 < elevation <= 90 else None
 
     @property
     def memory_bytes(self) -> int:

@@ -12,6 +12,7 @@ from unveil_core.base.errors import SelectionError
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID
 
 __all__ = [
+    "SOLID_CLASSES",
     "CITYSCAPES",
     "COLORS",
     "GROUND_CLASSES",
@@ -41,6 +42,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 GROUND_CLASSES = ("road", "sidewalk", "terrain")
 """The ground: what objects stand on."""
+SOLID_CLASSES = ("building", "wall")
+"""Surfaces that reach down to the ground and are opaque, though cars may hide their foot."""
 SIDE_CLASSES = ("building", "wall", "fence")
 """Surfaces that bound the ground beside the street."""
 THIN_CLASSES = ("pole", "traffic light", "traffic sign")

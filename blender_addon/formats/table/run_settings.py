@@ -4,17 +4,20 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ADVANCED", "BASIC", "CHOSEN", "GROUPS", "SHOWN", "RunSetting", "of_stage", "same"]
+__all__ = ["ADVANCED", "BASIC", "CHOSEN", "GROUPS", "SHOWN", "SUN", "RunSetting", "of_stage", "same"]
 
 AUTO = "auto"
 CHOSEN = ("remove", "instances", "marked", "per_object", "corrections")
 """Settings that are no properties of their own: what is chosen in the lists says them."""
+SUN = ("sun_azimuth", "sun_elevation")
+"""Further properties of the shadows, radians."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class RunSetting:
 
     Attributes:
         name: in workspace.json, and of the property; option: of the command; label: for people.
-        shape: "flag", "choice", "whole", "number", "text", "file", "folder", "network" or "list".
+        shape: "flag", "choice", "whole", "number", "text", "file", "folder", "network", "list" or "sun".
         items: of a list, "str" or "int".
         default: in workspace.json; usual: in words, where it follows from something.
         help: a line; group: a heading; measure: "m", "px" or empty; expert: whether it stands under *Advanced*.
@@ -63,9 +66,16 @@ class RunSetting:
         return self.default
 
     def shown(self, value: Any) -> Any:
-        """What the property has where workspace.json has ``value``; None where it cannot have it."""
+        """What the property has where workspace.json has ``value``; None where it cannot have it.
+
+        Of the shadows it is a text: "auto", "off", or "given".
+        """
         if value is None or value == []:
             return self.nothing if value == self.default else None
+        if self.shape == "sun":
+            if value in ("auto", "off"):
+                return value
+            return "given" if isinstance(value, str) and sun_of(value) else None
         if self.shape == "list":
             kind = int if self.items == "int" else str
             fits = isinstance(value, list) and all(type(part) is kind for part in value)
@@ -77,6 +87,9 @@ class RunSetting:
     def recorded(self, settings: Any, absolute: Callable[[str], str]) -> Any:
         """What workspace.json has of the property of a ``scene.unveil``."""
         value = getattr(settings, self.name)
+        if self.shape == "sun":
+            azimuth, elevation = (math.degrees(getattr(settings, name)) for name in SUN)
+            return f"{azimuth:.6g},{elevation:.6g}" if value == "given" else str(value)
         if isinstance(value, str):
             value = value.strip()
             if value in ("", AUTO):
@@ -97,6 +110,15 @@ class RunSetting:
         nothing = value is None or value == []
         text = ",".join(str(part) for part in value) if isinstance(value, list) else str(value)
         return f"{self.option}={AUTO if nothing else text}"
+
+
+def sun_of(text: str) -> tuple[float, float] | None:
+    """Azimuth and elevation, radians, of "135,40"; None where it is none."""
+    try:
+        azimuth, elevation = (math.radians(float(part)) for part in text.split(","))
+    except ValueError:
+        return None
+    return (azimuth, elevation) if math.isfinite(azimuth) and math.isfinite(elevation) else None
 
 
 def same(one: Any, other: Any) -> bool:

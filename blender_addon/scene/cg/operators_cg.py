@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
+from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty
+from bpy.props import BoolProperty
 
+from ...formats.object_files import found_sun
 from .. import blocks, cameras, drive_scene, versions, view
 from . import aside, catcher, plate_nodes
 
@@ -30,23 +33,7 @@ class UNVEIL_OT_set_up_cg(bpy.types.Operator):
     sun: BoolProperty(
         name="Add Sun and Sky",
         default=True,
-        description="Where the scene has no light: a sun, and a sky",
-    )
-    azimuth: FloatProperty(
-        name="Sun Azimuth",
-        subtype="ANGLE",
-        default=math.radians(135),
-        soft_min=0,
-        soft_max=2 * math.pi,
-        description="Direction towards the sun, clockwise from the y axis (north)",
-    )
-    elevation: FloatProperty(
-        name="Sun Elevation",
-        subtype="ANGLE",
-        default=math.radians(40),
-        min=math.radians(0.1),
-        max=math.pi / 2,
-        description="Height of the sun above the horizon",
+        description="Where the scene has no light: a sun from where the footage has it, else from the shadow settings, and a sky",
     )
 
     @classmethod
@@ -84,7 +71,7 @@ class UNVEIL_OT_set_up_cg(bpy.types.Operator):
             catcher.catch(mark, mesh)
             scene.render.engine = "CYCLES"
         if self.sun and self.shadows:
-            lit = catcher.add_sun(scene, collection, self.azimuth, self.elevation)
+            lit = catcher.add_sun(scene, collection, *_sun(scene, collection))
             if lit is not None:
                 catcher.add_sky(scene)
         collection[view.CG] = True
@@ -92,6 +79,15 @@ class UNVEIL_OT_set_up_cg(bpy.types.Operator):
         without = "" if mesh is not None else "; there is no mesh yet, so no shadows fall on the street"
         self.report({"INFO"}, f"F12 renders your objects over the clean plate of {camera.name}{without}")
         return {"FINISHED"}
+
+
+def _sun(scene: bpy.types.Scene, collection: bpy.types.Collection) -> tuple[float, float]:
+    """Azimuth and elevation of the sun that the results went by, radians; those of the settings where they tell none."""
+    with suppress(OSError, ValueError):  # the results are loaded: whatever is wrong with that file was told
+        found = found_sun(Path(blocks.workspace_of(collection)))
+        if found is not None and 0 < found[1] <= 90:
+            return math.radians(found[0]), math.radians(found[1])
+    return scene.unveil.sun_azimuth, scene.unveil.sun_elevation
 
 
 def _is_clean(plate: bpy.types.CameraBackgroundImage) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -128,15 +129,18 @@ def test_the_sky_is_brightened_where_nobody_has_touched_it(addon, workspace: Pat
     assert not add_sky(scene)
 
 
-@pytest.mark.parametrize("asked", [{}, {"azimuth": np.radians(225.75), "elevation": np.radians(56.5)}])
-def test_a_sun_is_added_where_there_is_no_light(addon, scene, workspace: Path, asked) -> None:
+@pytest.mark.parametrize("found", [None, (225.75, 56.5)])
+def test_a_sun_is_added_where_there_is_no_light(addon, scene, workspace: Path, found) -> None:
     import bpy
 
+    told = json.loads((workspace / "workspace.json").read_text())
+    told["stages"]["inpaint"]["sun"] = found and {"azimuth_deg": found[0], "elevation_deg": found[1], "score": 0.9}
+    (workspace / "workspace.json").write_text(json.dumps(told))
     bpy.ops.unveil.load_workspace(directory=str(workspace))
-    bpy.ops.unveil.set_up_cg(**asked)
+    bpy.ops.unveil.set_up_cg()
     bpy.context.view_layer.update()
     (sun,) = [o for o in scene.objects if o.type == "LIGHT"]
     direction = np.array(sun.matrix_world.to_3x3() @ __import__("mathutils").Vector((0, 0, 1)))  # towards the sun
-    azimuth, elevation = asked.get("azimuth", np.radians(135)), asked.get("elevation", np.radians(40))
+    azimuth, elevation = np.radians(found or (135, 40))  # of the footage, else of the settings
     wanted = np.array([np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
     assert np.abs(direction - wanted).max() < 1e-4

@@ -10,7 +10,7 @@ import pytest
 from conftest import outside
 
 OPTIONS = [
-    "--remove=car", "--per-object=1:grow=4", "--shadows=off", "--movers=keep", "--frames=-6:", "--cameras=all",
+    "--remove=car", "--per-object=1:grow=4", "--shadows=135.123456789,40.5", "--movers=keep", "--frames=-6:", "--cameras=all",
     "--label-classes=cityscapes", "--mask-removes=white", "--sweeps=2", "--pose-convention=opengl", "--scale=1.0123456789",
     "--up=z", "--poses=given", "--quality=draft", "--work-side=96", "--device=cpu", "--memory=512M", "--seed=7",
     "--iterations=60", "--splats=3000", "--sh-degree=0", "--no-adaptation", "--inpainter=telea", "--order=forward", "--keyframes=3",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -23,10 +24,10 @@ from unveil_core.app.parser import command_parser
 from unveil_core.pipeline.options.table import TABLE
 from unveil_core.pipeline.settings import RunSettings
 
-PLAIN = {**{s.name: s.start for s in SHOWN}, "made_with": ""}
+PLAIN = {**{s.name: s.start for s in SHOWN}, "sun_azimuth": 0.0, "sun_elevation": 0.5, "made_with": ""}
 EVERYTHING = RunSettings(
     remove=("vehicle",), instances=(3, 7), marked="/m.json", per_object=("3:grow=4",), corrections="/c.json",
-    shadows="off", movers="keep", scene="0061", cameras=("front", "left"), frames="-8:", labels="/labels",
+    shadows="135.123456789,40.5", movers="keep", scene="0061", cameras=("front", "left"), frames="-8:", labels="/labels",
     instance_maps="/ids", label_classes="ade20k", mask_removes="white", sweeps="2", model="1,2", pose_convention="opencv",
     scale=0.123456789012, up="-y", poses="given", quality="high", work_side=640, device="cpu", memory="512M", seed=7,
     iterations=300, splats=9000, sh_degree=0, adapt=False, inpainter="telea", reference_inpainter="/r.onnx", order="forward",
@@ -41,6 +42,7 @@ EVERYTHING = RunSettings(
         {},
         {"quality": "high", "device": "cpu", "seed": 12, "movers": "keep", "order": "forward", "work_side": 640},
         {"shadows": "off"},
+        {"shadows": "given", "sun_azimuth": math.radians(135), "sun_elevation": math.radians(40.5)},
         {"keyframes": "3, 7", "inpainter": "telea"},
         {"keyframes": " auto "},
         {"inpainter": "//lama.onnx", "reference_inpainter": "/networks/leftrefill.onnx"},
@@ -58,7 +60,7 @@ def test_the_command_records_what_the_add_on_compares_with(changed: dict[str, ob
         given = settings_of(command_parser().parse_args([*verb, *options, *selection])).to_json()
         expected = recorded(settings, selection, absolute)
         assert {name: given[name] for name in expected} == expected
-    assert given["shadows"] in ("auto", "off")
+    assert given["shadows"] in ("auto", "off", "135,40.5")
 
 
 @pytest.mark.parametrize(
@@ -150,6 +152,7 @@ def test_where_results_go_if_nobody_says() -> None:
         {},
         {"quality": "high", "seed": 12, "movers": "keep", "order": "forward", "work_side": 640, "frames": "::2"},
         {"shadows": "off", "cameras": "front,left", "keyframes": "3,7"},
+        {"shadows": "given", "sun_azimuth": math.radians(135), "sun_elevation": math.radians(40.5)},
     ],
 )
 def test_what_a_workspace_was_made_with_is_taken_over(changed: dict[str, object]) -> None:

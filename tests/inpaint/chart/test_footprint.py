@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.inpaint.parked_chart import TEXEL, parked_chart
+from tests.inpaint.sunny_street import TEXEL, sunny_chart
 from unveil_core.inpaint.chart.footprint import footprint_of
 
 
 @pytest.mark.parametrize("length", [4.5, 18.0])
 def test_an_object_stands_on_its_whole_floor(length: float) -> None:
     """A lorry as a car: of its sides alone, seen up to 2 m, with strays far off."""
-    chart = parked_chart()
+    chart = sunny_chart(None)[0]
     x, z = (g.ravel() for g in np.meshgrid(np.arange(2, 2 + length, 0.08), np.arange(0.1, 2, 0.1)))
     sides = [np.column_stack([x, np.full(x.size, y), z]) for y in (-3.5, -1.5)]
     ends = [

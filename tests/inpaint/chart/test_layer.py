@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.inpaint.parked_chart import parked_chart
+from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer
@@ -24,7 +24,7 @@ def camera_of(width: int) -> Camera:
 
 def shadowed() -> StreetChart:
     """A street with a shadow along it, patches of it, and a strip that was given up."""
-    chart = parked_chart()
+    chart = sunny_chart(None)[0]
     rows, columns = np.indices(chart.source.shape)
     dark = (np.abs(columns - 140) < 25) | ((rows // 40 + columns // 30) % 5 == 0)
     gain = np.where(dark[..., None], 1.8, 1.0).astype(np.float32) * np.ones(3, np.float32)

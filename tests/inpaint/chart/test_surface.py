@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.inpaint.facade.test_continued import FACADE_T, street
-from tests.inpaint.parked_chart import parked_chart
+from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.inpaint.chart.surface import Surface, shown_places, surfels_on
 from unveil_core.inpaint.facade.facade_chart import REPLACED_M, empty_chart
 
@@ -14,7 +14,7 @@ TEXEL_M = 0.25
 
 
 def ground() -> tuple[Surface, tuple[int, int]]:
-    chart = parked_chart()
+    chart, *_ = sunny_chart(None)
     return chart, chart.source.shape
 
 

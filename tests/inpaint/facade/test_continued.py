@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from tests.ground.test_street import drive_on_circle, true_street
-from tests.inpaint.parked_chart import box_surfels
+from tests.inpaint.sunny_street import box_surfels
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground

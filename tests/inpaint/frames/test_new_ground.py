@@ -8,8 +8,7 @@ import numpy as np
 import torch
 
 from tests.ground.test_street import UP, drive_on_circle
-from tests.inpaint.parked_chart import CAR, TEXEL, box_surfels
-from tests.inpaint.parked_chart import parked_chart as chart_as_read
+from tests.inpaint.sunny_street import CAR, TEXEL, box_surfels, sunny_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, StreetChart
 from unveil_core.inpaint.frames.holes import FrameTask, background_layers
@@ -23,7 +22,7 @@ ROAD, HOUSE = 0, 1
 
 def parked_chart() -> StreetChart:
     """What lies under the car is invented, all else was seen."""
-    chart = chart_as_read()
+    chart, *_ = sunny_chart(None)
     s, t = chart.coordinates()
     under = ((s > CAR[0, 0]) & (s < CAR[1, 0]))[:, None] & ((t > CAR[0, 1]) & (t < CAR[1, 1]))[None]
     return replace(chart, source=np.where(under, INVENTED, OBSERVED).astype(np.uint8))
@@ -93,7 +92,7 @@ def test_a_narrow_shadow_with_its_penumbra_is_taken_away_in_all_colours() -> Non
     seen, shadow = np.ones((200, 120), bool), share[..., 0] > 0.5
     wide = share[..., 0] > 0.2
     target = np.broadcast_to(lit, color.shape).astype(np.float32)
-    gain = relighting_gain(color, target, seen, shadow, wide, shadow, per_m=per_m)
+    gain = relighting_gain(color, target, seen, shadow, wide, shadow, np.zeros_like(seen), per_m=per_m)
     error = (color * gain / lit - 1)[40:-40]
     assert np.abs(error[:, across < 0.4]).max() < 0.03
     assert np.abs(error).max() < 0.07

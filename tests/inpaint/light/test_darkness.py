@@ -1,4 +1,4 @@
-"""Few sunny places on a street that lies in shade."""
+"""Ground that is dark for what it is, on a street that houses shade for longer than a stretch."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from unveil_core.inpaint.light.darkness import sunny_exceptions
+from unveil_core.inpaint.light.darkness import in_the_dark, sunny_exceptions
 
 TEXEL, ROWS, COLUMNS = 0.1, 800, 60
 
@@ -20,6 +20,25 @@ def street(shade: tuple[float, float, float]) -> tuple[SimpleNamespace, np.ndarr
     color[shaded] *= shade
     label = np.zeros((ROWS, COLUMNS), dtype=np.int16)
     return SimpleNamespace(color=color.astype(np.float32), label=label, texel=TEXEL), shaded
+
+
+def test_shade_is_dark_however_far_the_next_sunny_place_is() -> None:
+    chart, shaded = street((0.40, 0.46, 0.58))
+    dark = in_the_dark(chart, np.ones_like(shaded))  # type: ignore[arg-type]
+    assert dark[shaded].mean() > 0.95
+    assert dark[~shaded].mean() < 0.05
+
+
+def test_old_asphalt_of_the_same_hue_is_not_dark() -> None:
+    chart, shaded = street((0.46, 0.46, 0.46))
+    dark = in_the_dark(chart, np.ones_like(shaded))  # type: ignore[arg-type]
+    assert dark[:300].mean() < 0.05
+
+
+def test_a_street_of_one_brightness_has_no_dark() -> None:
+    chart, shaded = street((1.0, 1.0, 1.0))
+    chart.color[:] = 0.5
+    assert not in_the_dark(chart, np.ones_like(shaded)).any()  # type: ignore[arg-type]
 
 
 def test_a_few_sunny_places_on_a_street_in_shade_are_exceptions() -> None:

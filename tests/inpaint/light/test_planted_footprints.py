@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from unveil_core.geometry.images import within
-from unveil_core.inpaint.light.relight import BIN_M, Shade, evident_reach, object_shadows, shadows_of_removed
+from unveil_core.inpaint.light.relight import BIN_M, evident_reach, object_shadows, shadows_of_removed
+from unveil_core.inpaint.light.shade import Shade
 
 PER_M = 25.0
 ROWS, COLUMNS = 1500, 300
@@ -56,7 +57,7 @@ def test_a_dark_place_that_goes_on_is_no_shadow(length_m: float, goes: bool) -> 
     dark[end - int(length_m * PER_M) : end, 185:220] = True
     level = np.where(dark, 0.5, 1.0).astype(np.float32)
     zone = within(cars, 2.0 * PER_M)
-    shadow = object_shadows(dark, zone, within(cars, 10), level, ~cars, per_m=PER_M)
+    shadow = object_shadows(dark, zone, within(cars, 10), np.zeros_like(cars), level, ~cars, per_m=PER_M)
     assert shadow.any() == goes
     assert not (shadow & ~dark).any()
 
@@ -66,9 +67,9 @@ def test_what_has_nothing_seen_around_it_stays() -> None:
     dark = np.zeros_like(cars)
     dark[620:650, 185:220] = True
     level = np.where(dark, 0.5, 1.0).astype(np.float32)
-    zone, touched = within(cars, 50), within(cars, 10)
-    assert object_shadows(dark, zone, touched, level, ~cars, per_m=PER_M)[dark].all()
-    assert not object_shadows(dark, zone, touched, level, dark, per_m=PER_M).any()
+    zone, touched, nothing = within(cars, 50), within(cars, 10), np.zeros_like(cars)
+    assert object_shadows(dark, zone, touched, nothing, level, ~cars, per_m=PER_M)[dark].all()
+    assert not object_shadows(dark, zone, touched, nothing, level, dark, per_m=PER_M).any()
 
 
 def test_a_lane_in_the_shade_of_trees_stays_as_it_is_and_a_cars_shadow_goes() -> None:
@@ -79,20 +80,8 @@ def test_a_lane_in_the_shade_of_trees_stays_as_it_is_and_a_cars_shadow_goes() ->
     own = within(cars, 0.6 * PER_M) & ~cars
     color = np.full((ROWS, COLUMNS, 3), 0.6, np.float32)
     color[lane], color[own & ~lane] = 0.3, 0.35
-    shade = Shade((lane | own) & ~cars, np.full_like(color, 0.6))
-    shadow, hopeless = shadows_of_removed(color, ~cars, shade, cars, cars, reach_m=2.0, per_m=PER_M)
+    shade = Shade((lane | own) & ~cars, np.ones(3, np.float32), np.full_like(color, 0.6), np.zeros_like(lane))
+    shadow, hopeless = shadows_of_removed(color, ~cars, shade, cars, None, reach_m=2.0, per_m=PER_M)
     assert not (shadow & lane).any()
     assert shadow[own & ~lane].mean() > 0.9
     assert not hopeless.any()
-
-
-def test_the_shadow_of_an_object_that_keeps_it_stays() -> None:
-    cars = footprints()
-    keeps = cars.copy()
-    keeps[400:] = False
-    own = within(cars, 0.6 * PER_M) & ~cars
-    color = np.where(own[..., None], 0.35, 0.6).astype(np.float32).repeat(3, axis=2)
-    shade = Shade(own, np.full_like(color, 0.6))
-    shadow, _ = shadows_of_removed(color, ~cars, shade, cars, cars & ~keeps, reach_m=2.0, per_m=PER_M)
-    assert not shadow[:400].any()
-    assert shadow[own][400:].mean() > 0.5 and shadow[400:][own[400:]].mean() > 0.9

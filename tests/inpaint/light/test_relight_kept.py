@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from tests.ground.test_street import drive_on_circle
-from tests.inpaint.parked_chart import TEXEL, parked_chart
+from tests.inpaint.sunny_street import TEXEL, sunny_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import INVENTED
 from unveil_core.inpaint.frames.holes import FrameTask
@@ -19,7 +19,7 @@ from unveil_core.surfels.sky import Sky
 
 
 def test_no_light_is_thrown_on_what_stays() -> None:
-    chart = parked_chart()
+    chart, *_ = sunny_chart(None)
     gain = chart.gain.copy()
     gain[int(7 / TEXEL) : int(14 / TEXEL), int(5 / TEXEL) : int(9 / TEXEL)] = 1.5
     whole = replace(chart, gain=gain, source=np.full_like(chart.source, INVENTED))

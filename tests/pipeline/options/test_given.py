@@ -47,13 +47,13 @@ def test_what_is_no_default_is_said_as_the_command_takes_it() -> None:
 def test_a_file_of_settings(tmp_path: Path) -> None:
     path = tmp_path / "run.toml"
     path.write_text(
-        'quality = "high"\nremove = ["vehicle"]\nshadows = false\nadapt = false\niterations = "auto"\n'
+        'quality = "high"\nremove = ["vehicle"]\nshadows = [135, 40]\nadapt = false\niterations = "auto"\n'
         'segmenter = "nets/city.onnx"\nmarked = "/m.json"\ninpainter = "telea"\nper_object = { 3 = { grow = 8 } }\n'
     )
     assert read_settings_file(path) == {
         "quality": "high",
         "remove": ("vehicle",),
-        "shadows": "off",
+        "shadows": "135,40",
         "adapt": False,
         "iterations": None,
         "segmenter": str(tmp_path / "nets/city.onnx"),

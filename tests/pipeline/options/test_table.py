@@ -75,7 +75,7 @@ def test_every_setting_can_be_taken_back(setting: object) -> None:
         ("instances", (3, 7), (3, 7)),
         ("shadows", True, "auto"),
         ("shadows", False, "off"),
-        ("shadows", False, "off"),
+        ("shadows", (135, 40.5), "135,40.5"),
         ("per_object", {3: {"grow": 8, "shadow": "keep"}}, ("3:grow=8", "3:shadow=keep")),
         ("frames", slice(0, 80, 2), "0:80:2"),
         ("frames", slice(None, -8), ":-8"),

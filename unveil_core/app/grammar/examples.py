@@ -77,7 +77,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "inpaint": (
         "unveil inpaint street_empty",
-        "unveil inpaint street_empty --shadows off",
+        "unveil inpaint street_empty --shadows 135,40",
         "unveil inpaint street_empty --inpainter lama.onnx",
     ),
     "reoptimize": (

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +11,10 @@ from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur, within
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
+from unveil_core.inpaint.chart.planted import MOVED_M
+from unveil_core.inpaint.light.shade import Light, Shade
 
 __all__ = [
-    "Shade",
     "object_shadows",
     "prevailing_shade",
     "relighting_gain",
@@ -26,7 +25,7 @@ __all__ = [
 ]
 
 SHADOW_RATIO = 0.82
-"""Luma of a texel, as a share of its offset's lit level, below which it lies in shadow. Soft shadows under an
+"""Without a known sun: luma of a texel, as a share of its offset's lit level, below which it lies in shadow. Soft shadows under an
 overcast sky take about a quarter of the light; chosen on the two sample streets."""
 BLACK_RATIO = 0.3
 """Luma of a shadowed texel, as a share of its lit level, below which it holds no texture to relight and is invented: relighting
@@ -43,6 +42,11 @@ inside."""
 TOUCH_M = 0.4
 """Distance from an object within which a dark patch must come for its shadow, and within which darkness is contact darkening,
 metres. Chosen on the two sample streets."""
+UNEXPLAINED_M = 0.6
+"""Distance from the cast shadows of what stays from which on they do not explain dark ground, metres: what a sun wrong by 3 degrees
+moves the shadow of a roof 10 m up by."""
+DEEPER = 0.65
+"""Luma of ground beside a removed object, as a share of that in shade, below which the object darkens it in the shade, too."""
 CLEAR_M = 0.8
 """Distance from a removed object from which on what is seen tells how light it is there without the object, metres."""
 MOST_OF_AGE = 1.5
@@ -58,9 +62,6 @@ MIXED_M, BRIGHT = 0.3, 0.93
 """Distance from what nobody saw within which a texel mixes the ground with the object that hid it, metres: a pixel at 15 m; and the
 share of its lit level below which it still does when it is relit. Cast shadows of eight streets: 0.6 dB more on 72 and on a sample
 street, 0.3 on 50, -0.3 on a sample street without labels, the others the same; dark strokes where cars stood are gone."""
-MOSTLY_M = 2.0
-"""Distance from removed objects from which on ground mostly shows what it is without them, metres: in a street lined by cars little
-is farther off."""
 BIN_M, EVIDENT = 0.2, 0.5
 """Width of the rings around footprints that are compared, metres, and the share of what is dark around removed objects, up to
 which planted ones may have the same around them, for it to be the objects' doing: with half, every second texel would be."""
@@ -74,28 +75,9 @@ SMOOTH_M, SPECK_M = 0.06, 0.12
 a few centimetres from their offset."""
 
 
-MOVED_M = tuple(
-    (along, across)
-    for along in (0.0, -6.0, 6.0, -12.0, 12.0, -18.0, 18.0)
-    for across in (0.0, -2.0, 2.0, -4.0, 4.0, -6.0, 6.0)
-)
-"""Ways, along and across the street, metres, by which footprints are moved to where nothing stood."""
-
-
-class Shade(NamedTuple):
-    """What is dark of the ground.
-
-    Attributes:
-        dark: (A, B) bool, seen texels that are darker than their lateral offset mostly is.
-        lit: (A, B, 3) colour of the lateral offset as it mostly is.
-    """
-
-    dark: Mask
-    lit: Float32
-
-
 def prevailing_shade(color: Float32, seen: Mask, footprint: Mask, *, window: int, hop: int, per_m: float) -> Shade:
-    """Shade, whatever makes it: dark is what is darker than its lateral offset mostly is.
+    """Shade without a known sun: dark is what is darker than its lateral offset mostly is, and its ratio is 1, because nothing says
+    which shadows stay.
 
     Args:
         color: (A, B, 3) of the chart; seen: (A, B).
@@ -109,7 +91,8 @@ def prevailing_shade(color: Float32, seen: Mask, footprint: Mask, *, window: int
     # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
     opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * per_m))
     scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
-    return Shade(opened.astype(bool) & seen, scaled.astype(np.float32))
+    ones = np.ones(3, dtype=np.float32)
+    return Shade(opened.astype(bool) & seen, ones, scaled.astype(np.float32), np.zeros_like(seen))
 
 
 def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m: float) -> float:
@@ -135,7 +118,7 @@ def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m:
         known = known & ~stood & (ring < bins)
         return np.bincount(ring[known & dark], minlength=bins), np.bincount(ring[known], minlength=bins)
 
-    unaffected = seen & ~within(footprint, min(most_m, MOSTLY_M) * per_m)
+    unaffected = seen & ~within(footprint, most_m * per_m)
     found = shares(footprint, seen)
     planted = np.zeros((2, bins), dtype=np.int64)
     for along, across in MOVED_M:
@@ -148,40 +131,69 @@ def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m:
     return BIN_M * float(bins if evident.all() else evident.argmin())
 
 
-def object_shadows(dark: Mask, zone: Mask, touched: Mask, level: Float32, seen: Mask, *, per_m: float) -> Mask:
+def object_shadows(
+    dark: Mask, zone: Mask, touched: Mask, explained: Mask, level: Float32, seen: Mask, *, per_m: float
+) -> Mask:
     """(A, B) texels in the shadow of removed objects: dark places in the ``zone`` (A, B) that their shadows may reach, as far as it
     is seen that they end there. What goes on beyond it, or has no brighter ground around it, was dark without the objects.
 
     Args:
         dark: (A, B) seen texels that are darker than their kind is; touched: (A, B) where such a place must come.
+        explained: (A, B) texels that something which stays keeps dark: there shadows run into one another.
         level: (A, B) luma as a share of its lateral offset's; seen: (A, B) ground beside objects.
     """
-    _, place = cv2.connectedComponents(dark.astype(np.uint8), connectivity=8)
+    _, place = cv2.connectedComponents((dark & (zone | ~explained)).astype(np.uint8), connectivity=8)
     inside, size = (np.bincount(place[m], minlength=place.max() + 1) for m in (zone, np.ones_like(zone)))
     ended = (inside > ENDS * size)[place] & dark & zone
     _, patch = cv2.connectedComponents(ended.astype(np.uint8), connectivity=8)
     own: Mask = np.isin(patch, np.unique(patch[ended & touched])) & ended
-    return own & _darker_than_beside(own, level, seen, per_m) if on("ended_shadows") else own
+    return own & _darker_than_beside(own, level, seen & ~explained, per_m) if on("ended_shadows") else own
 
 
 def shadows_of_removed(
-    color: Float32, seen: Mask, shade: Shade, footprint: Mask, casting: Mask, *, reach_m: float, per_m: float
+    color: Float32,
+    seen: Mask,
+    shade: Shade,
+    footprint: Mask,
+    light: Light | None,
+    *,
+    reach_m: float,
+    per_m: float,
 ) -> tuple[Mask, Mask]:
     """Seen texels (A, B) in the shadow of removed objects, and those that are too dark or too near to them to be relit.
 
     Args:
         color: (A, B, 3) of the chart; seen: (A, B); shade: of what was seen.
-        footprint: (A, B) texels under or inside removed objects; casting: (A, B) of those whose shadows go.
-        reach_m: how far from its object a shadow may lie, metres; 0 = shadows stay.
+        footprint: (A, B) texels under or inside removed objects.
+        light: the shadows that the scene casts, None where that is not known.
+        reach_m: how far from its object a shadow may lie where the light is not known, metres; 0 = shadows stay.
         per_m: texels per metre.
     """
     if reach_m <= 0:
         return np.zeros_like(seen), np.zeros_like(seen)
-    smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
-    level = (smooth / np.maximum(luminance(shade.lit), 0.02)).astype(np.float32)
-    zone = within(casting, evident_reach(shade.dark, seen, casting, reach_m, per_m) * per_m)
-    touch = within(casting, TOUCH_M * per_m)
-    shadow = object_shadows(shade.dark, zone, touch, level, seen & ~footprint, per_m=per_m)
+    luma, lit = luminance(color), np.maximum(luminance(shade.lit), 0.02)
+    smooth = masked_blur(luma, seen, SMOOTH_M * per_m)
+    level = (smooth / lit).astype(np.float32)
+    beside, nothing = seen & ~footprint, np.zeros_like(seen)
+    touch = within(footprint, TOUCH_M * per_m)
+
+    def around(dark: Mask, explained: Mask, most_m: float, level: Float32) -> Mask:
+        """What they darken wherever the sun stands, and under an even sky."""
+        zone = within(footprint, evident_reach(dark, seen & ~explained, footprint, most_m, per_m) * per_m)
+        return object_shadows(dark, zone & ~explained, touch, explained, level, beside, per_m=per_m)
+
+    if light is None:
+        shadow = around(shade.dark, nothing, reach_m, level)
+    else:
+        # A dark texel belongs to the nearer of the two shadows; contact darkening is in neither.
+        blur = 0.2 * per_m
+        gone, kept = (cv2.GaussianBlur(m.astype(np.float32), (0, 0), blur) for m in (light.gone, light.kept))
+        explained = grow(light.kept, UNEXPLAINED_M * per_m)
+        theirs = ((gone > 0.05) & (gone > kept)) | (touch & (kept < 0.3))
+        shadow = object_shadows(shade.dark, theirs, theirs, explained, level, beside, per_m=per_m)
+        # In the shade of a house, too, it is darker right beside an object.
+        in_shade = (smooth / np.maximum(luminance(shade.lit * shade.ratio), 0.02)).astype(np.float32)
+        shadow = shadow | around(seen & (in_shade < DEEPER), nothing, reach_m, in_shade)
     # What is nearly black has nothing to relight; under a lorry, whose floor is high, there are lines to be seen.
     shadow = shadow | (footprint & shade.dark)
     hopeless = seen & shadow & (level < BLACK_RATIO)
@@ -264,7 +276,7 @@ def levelled_border(shadow: Mask, per_m: float) -> Mask:
 
 
 def relighting_gain(
-    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, *, per_m: float
+    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, paint: Mask, *, per_m: float
 ) -> Float32:
     """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth.
 
@@ -273,6 +285,7 @@ def relighting_gain(
     Args:
         color, target: (A, B, 3) as seen, and as it should be.
         seen: (A, B); shadow: (A, B) that goes; wide: (A, B) with its penumbra; relit: (A, B) of it, seen and kept.
+        paint: (A, B) shaded texels that are brighter than the ground of their offset, as bars of a crossing are.
         per_m: texels per metre.
     """
     gain = np.ones_like(color)
@@ -281,18 +294,21 @@ def relighting_gain(
         end = min(first + strip, rows)
         near = slice(max(first - around, 0), end + around)
         if shadow[near].any() or wide[near].any():
-            planes = (plane[near] for plane in (color, target, seen, shadow, wide, relit))
+            planes = (plane[near] for plane in (color, target, seen, shadow, wide, relit, paint))
             part = _gain_of_strip(*planes, per_m=per_m)  # type: ignore[arg-type]
             gain[first:end] = part[first - near.start :][: end - first]
     return gain
 
 
 def _gain_of_strip(
-    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, *, per_m: float
+    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, paint: Mask, *, per_m: float
 ) -> Float32:
     """:func:`relighting_gain` of some rows; right where ``REACH_M`` of rows lie around."""
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
     ring = disc(PENUMBRA_M * per_m)
+    # Paint that is not on the offset's profile says nothing of the light; it gets what the ground beside it gets.
+    unlike = relit & grow(paint, SMOOTH_M * per_m)
+    relit = relit & ~unlike
     # The light that remains is measured inside the shadow; its border counts where there is no inside.
     inside = relit & cv2.erode((shadow | ~seen).astype(np.uint8), ring).astype(bool)
     weight = np.where(inside, 1.0, BORDER_WEIGHT).astype(np.float32)[..., None]
@@ -313,4 +329,6 @@ def _gain_of_strip(
     border = levelled_border(shadow, per_m)
     inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
     gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)
+    if unlike.any():
+        gain[unlike] = masked_blur(gain, relit, 0.25 * per_m)[unlike]
     return gain

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from unveil_core.pipeline.settings import SHADOWS, UPS
+from unveil_core.pipeline.settings import UPS
 
 __all__ = [
     "FILE",
@@ -19,7 +19,7 @@ __all__ = [
     "NUMBER",
     "OBJECTS",
     "SIZE",
-    "SHADOW",
+    "SUN",
     "TEXT",
     "TEXTS",
     "UP",
@@ -33,7 +33,7 @@ __all__ = [
 class Kind:
     """Attributes:
     shape: what a form of another program shows: "flag", "choice", "whole", "number", "text", "file", "folder", "network" (a
-        name, or a file) or "list".
+        name, or a file), "list" or "sun".
     parse: from a word of the command to the value that workspace.json records; raises ValueError.
     take: likewise from a value of Python or TOML that is no text; raises TypeError or ValueError.
     expects: what may be given, for errors.
@@ -121,9 +121,12 @@ def _take_frames(value: Any) -> str:
     return str(_of_type(int)(value))
 
 
-def _take_shadow(value: Any) -> str:
-    """Whether shadows are removed."""
-    return "auto" if _of_type(bool)(value) else "off"
+def _take_sun(value: Any) -> str:
+    """Whether shadows are removed, or azimuth and elevation of the sun."""
+    if isinstance(value, bool):
+        return "auto" if value else "off"
+    azimuth, elevation = (_of_type(int, float)(part) for part in _items(value))
+    return f"{azimuth:.9g},{elevation:.9g}"
 
 
 def _take_size(value: Any) -> str:
@@ -169,5 +172,5 @@ NETWORK = Kind("network", _own, _nothing, "a name, or the path of FILE.onnx")
 FOLDER = Kind("folder", _own, _nothing, "the path of a folder")
 FRAMES = Kind("text", str.strip, _take_frames, "A:B:STEP as in Python, or several with commas between")
 SIZE = Kind("text", str.strip, _take_size, "a size such as 512M or 4G, or a number of bytes")
-SHADOW = Kind("choice", str.strip, _take_shadow, f"one of {', '.join(SHADOWS)}", SHADOWS)
+SUN = Kind("sun", str.strip, _take_sun, "auto, off, or azimuth and elevation of the sun in degrees")
 OBJECTS = Kind("list", listed, _take_objects, "ID:grow=PIXELS or ID:shadow=keep")

@@ -22,8 +22,8 @@ from unveil_core.pipeline.options.kinds import (
     NETWORK,
     NUMBER,
     OBJECTS,
-    SHADOW,
     SIZE,
+    SUN,
     TEXT,
     TEXTS,
     UP,
@@ -162,11 +162,13 @@ TABLE: tuple[Setting, ...] = (
         label="Corrections", metavar="FILE.json", usual="none", expert=True, see="input.md#corrections", back=("none",),
     ),
     Setting(
-        "shadows", SHADOW, "remove", "remove the shadows of removed objects too, or keep them",
-        label="Shadows",
+        "shadows", SUN, "remove",
+        "remove shadows too, keep them, or give the sun in degrees: azimuth clockwise from +y, elevation",
+        label="Shadows", metavar="auto|off|A,E",
         choices=(
-            ("auto", "Automatic", "Shadows of removed objects are removed too"),
+            ("auto", "Automatic", "Shadows of removed objects are removed too; the sun's direction is estimated"),
             ("off", "Keep", "Shadows of removed objects stay in the pictures"),
+            ("given", "Given Sun", "As Automatic, with the sun's direction from Azimuth and Elevation"),
         ),
     ),
     Setting(

@@ -15,7 +15,9 @@ from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.cleaning import How, Room
 from unveil_core.inpaint.emptied import empty_the_street
+from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
 from unveil_core.inpaint.frames.propagate import Painted
+from unveil_core.inpaint.light.sun import Sun
 from unveil_core.inpaint.light.view_light import ViewLight
 from unveil_core.inpaint.street_scene import Given, Removal, drive_views
 from unveil_core.inpaint.upright import Completed
@@ -39,7 +41,8 @@ facades have 0.27 and 0.49."""
 
 def run(context: StageContext) -> Facts:
     """inpainted/ in canonical colours and inpaint/origins/, where its pixels come from; inpaint/keyframes.json, inpaint/chart.npz,
-    masks/shadows; and all that becomes of the scene: surfels/edit.npz. Returns what was assumed."""
+    masks/shadows; and all that becomes of the scene: surfels/edit.npz. Returns where the sun was found, and
+    what was assumed."""
     return inpaint_with(context)
 
 
@@ -57,6 +60,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         settings.order,
         settings.keyframes,
         settings.networks.get("reference_inpainter"),
+        settings.sun,
         settings.shadows != "off",
         REOPTIMIZE_PRESETS[settings.quality].ground_spacing_m,
     )
@@ -74,10 +78,34 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     write_json_atomic(output("inpaint/keyframes.json"), emptied.keyframes)
     save_chart(None if filled is None else filled.sources(), output("inpaint/chart.npz"))
     if filled is None or completed is None:
-        return assumed([])
-    tested = [_even_light_assumed(filled.street.light)]
+        return {"sun": None, **assumed([])}
+    tested = [_sun_assumed(filled.sun, given=how.sun is not None)] if how.shadows else []
+    tested += [_even_light_assumed(filled.street.light)]
     tested += _facades_assumed(completed, named=given.scene.labels.index("building") is not None)
-    return assumed(tested)
+    return {"sun": _sun_recorded(filled.sun, given=how.sun is not None), **assumed(tested)}
+
+
+def _sun_recorded(sun: Sun | None, *, given: bool) -> dict[str, float | bool] | None:
+    """The sun's entry in workspace.json: its direction, and how well that explains the dark ground or that it was given."""
+    if sun is None:
+        return None
+    direction = {"azimuth_deg": round(sun.azimuth, 3), "elevation_deg": round(sun.elevation, 3)}
+    return {**direction, "given": True} if given else {**direction, "score": round(sun.score, 3)}
+
+
+def _sun_assumed(sun: Sun | None, *, given: bool) -> Assumption:
+    """What is assumed of the sun.
+
+    Args:
+        given: whether its direction was given: then it is not tested.
+    """
+    found = "no direction from which shadows would lie where it is dark, and take light away"
+    if sun is not None:
+        found = f"azimuth {sun.azimuth:.0f}, elevation {sun.elevation:.0f} degrees"
+        found += ", as given, not tested" if given else ""
+    instead = f"what is dark within {SHADOW_REACH_M:g} m of a removed object counts as its shadow"
+    instead += ", as far as it is darker there than around footprints planted elsewhere, and ends there"
+    return Assumption("the sun shines", sun is not None, found, instead)
 
 
 def _even_light_assumed(light: ViewLight | None) -> Assumption:
