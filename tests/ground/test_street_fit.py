@@ -16,7 +16,7 @@ from unveil_core.ground.path import StreetPath, fit_path
 def by_looking_at_all(side: Float64, fallback: Float64) -> Float64:
     row = np.round(side[:, 0] / street_fit.S_CELL_M)
     near = [side[np.abs(row - r) <= 3, 1] for r in range(len(fallback))]
-    known = {r: max(fallback[r], np.median(t) + street_fit.UNDER_WALL_M) for r, t in enumerate(near) if len(t) >= 15}
+    known = {r: max(fallback[r], street_fit.UNDER_WALL * np.median(t)) for r, t in enumerate(near) if len(t) >= 15}
     if not known:
         return fallback
     limit = [known[min(known, key=lambda k, r=r: abs(k - r))] for r in range(len(fallback))]  # type: ignore[misc]

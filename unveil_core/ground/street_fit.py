@@ -47,8 +47,9 @@ APART_CELLS, FEWEST_APART = 3, 12
 wall across the street a few points lie behind and below it, where no frame looks: they would lead the street on, and down."""
 WALL_FOOT_M, WALL_TOP_M = 0.4, 6.0
 """Heights over the ground between which a point on a facade, wall or fence tells where the street ends."""
-FEWEST_OF_WALLS, UNDER_WALL_M = 50, 0.3
-"""Points of walls without which they tell nothing; and how far the ground goes on under a wall, metres."""
+FEWEST_OF_WALLS, UNDER_WALL = 50, 1.04
+"""Points of walls without which they tell nothing; and how far the ground goes on, under a wall, as a share of its offset: 0.3 m in
+a street, where it shows in the wall's lowest 6 cm if nothing of that was seen."""
 LOW_M, UNDER_CELLS, ROUND_M = 1.0, 2, 0.3
 """What could be removed tells by its parts up to this height that ground is under it, so many cells before and behind as well, and
 so far around it, metres: frames show the sides of a car, and no more of its ends than of what stands behind."""
@@ -246,7 +247,7 @@ def _wall_limit(side: Float64, s_low: float, fallback: Float64) -> Float64:
     first, last = np.searchsorted(row, index - 3, "left"), np.searchsorted(row, index + 3, "right")
     for r in np.flatnonzero(last - first >= 15):
         # Under the wall, not only up to it: between ground that ends too early and a wall a camera would see the sky.
-        limit[r] = max(fallback[r], float(np.median(offset[first[r] : last[r]])) + UNDER_WALL_M)
+        limit[r] = max(fallback[r], UNDER_WALL * float(np.median(offset[first[r] : last[r]])))
     known = np.flatnonzero(np.isfinite(limit))
     if not len(known):
         return fallback
