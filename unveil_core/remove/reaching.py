@@ -57,6 +57,8 @@ def _of_some(surfels: Surfels, index: NDArray[np.int64], views: SeenViews) -> Sh
     share, moved = np.ones_like(scale), np.zeros_like(centre)
     asked = np.arange(len(index))
     for _ in range(PASSES):
+        if not len(asked):
+            break
         now = share[asked] * scale[asked]
         left, middle = _what_is_left(centre[asked] + moved[asked], axes[asked], now, views)
         share[asked] *= left
@@ -79,7 +81,7 @@ def _what_is_left(centre: Float64, axes: Float64, scale: Float64, views: SeenVie
     """
     along = np.linspace(-REACH, REACH, 2 * STEPS + 1)
     places = (centre[:, None, None] + along[:, None] * (axes * scale[:, :, None])[:, :, None]).reshape(-1, 3)
-    seen = seen_by_some(places, np.zeros((0, 3)), views, places[0])[0] if len(places) else np.zeros(0, dtype=bool)
+    seen = seen_by_some(places, np.zeros((0, 3)), views, places[0])[0]
     lost = np.zeros(len(places), dtype=bool)
     lost[~seen] = _without_evidence(places[~seen], views)
     first, last, found = _part(*(m.reshape(len(centre), 2, len(along)) for m in (seen, ~lost)))

@@ -12,7 +12,6 @@ from unveil_core.base.errors import SelectionError
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID
 
 __all__ = [
-    "SOLID_CLASSES",
     "CITYSCAPES",
     "COLORS",
     "GROUND_CLASSES",
@@ -20,6 +19,7 @@ __all__ = [
     "REMOVABLE",
     "SIDE_CLASSES",
     "SLIM_CLASSES",
+    "SOLID_CLASSES",
     "THIN_CLASSES",
     "VOID",
     "LabelSet",
@@ -42,10 +42,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
 
 GROUND_CLASSES = ("road", "sidewalk", "terrain")
 """The ground: what objects stand on."""
-SOLID_CLASSES = ("building", "wall")
-"""Surfaces that reach down to the ground and are opaque, though cars may hide their foot."""
 SIDE_CLASSES = ("building", "wall", "fence")
 """Surfaces that bound the ground beside the street."""
+SOLID_CLASSES = ("building", "wall")
+"""Surfaces that reach down to the ground and are opaque, though cars may hide their foot."""
 THIN_CLASSES = ("pole", "traffic light", "traffic sign")
 """Objects so thin that labels and depth do not register there: no evidence for or against motion."""
 SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")

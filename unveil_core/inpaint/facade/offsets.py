@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,20 +50,15 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     order = np.argsort(street[facing, 0], kind="stable")
     along, aside = street[facing][order, :2].T
     level = np.floor(height[facing][order] / LEVEL_M).astype(np.int64)
-    return _offsets_along(along, s, AROUND_M, lambda near: _tall_wall(aside[near], level[near]))
-
-
-def _offsets_along(along: Float64, s: Float64, around_m: float, offset_of: Callable[[slice], float]) -> Float64:
-    """(A,) lateral offset of something at arc lengths ``s`` (A,) increasing, NaN where it does not stand: without spikes and short
-    pieces, and joined over short gaps.
-
-    Args:
-        along: (P,) arc lengths of what tells of it, rising; around_m: how far away it does, metres.
-        offset_of: the offset by a part of that, NaN where that shows none.
-    """
     at = np.arange(s[0], s[-1] + BIN_M, BIN_M)
-    ends = (np.searchsorted(along, at + d * around_m) for d in (-1, 1))
-    offset = np.array([offset_of(slice(low, high)) for low, high in zip(*ends, strict=True)])
+    ends = (np.searchsorted(along, at + d * AROUND_M) for d in (-1, 1))
+    offset = np.array([_tall_wall(aside[low:high], level[low:high]) for low, high in zip(*ends, strict=True)])
+    return _in_one_piece(offset, at, s)
+
+
+def _in_one_piece(offset: Float64, at: Float64, s: Float64) -> Float64:
+    """(A,) offsets at arc lengths ``s`` (A,) of a wall that was found at ``at`` (B,), ``BIN_M`` apart, with ``offset`` (B,), NaN
+    where none stands: without spikes and short pieces, and joined over short gaps."""
     offset = _without_spikes(offset, round(LONG_M / 2 / BIN_M))
     known = np.flatnonzero(np.isfinite(offset))
     for a, b in zip(known, known[1:], strict=False):
