@@ -30,7 +30,7 @@ RIVAL_FRAMES = 10
 MOST_GRADIENT = 4.0
 """Ratio of gradients above which a car counts as having this one: behind some cars the photograph is clipped and has none, and
 a ratio of hundreds would be all that a mean tells."""
-FIGURES = ("psnr", "ssim", "lpips", "gradient", "line_recall", "false_lines")
+FIGURES = ("psnr", "ssim", "lpips", "gradient", "line_recall", "false_lines", "tint")
 METHODS = ("ours", *BASELINES, "blurred")
 
 

@@ -50,3 +50,24 @@ def test_sums_are_pooled_over_frames_and_lpips_is_their_mean() -> None:
     assert found["psnr"] == pytest.approx(10 * np.log10(255**2 / ((16 + 64) / 3)), abs=1e-3)
     assert found["lpips"] == 0.2 and found["frames"] == 3 and found["gradient"] == pytest.approx(1.0)
     assert sums.figures(lpips=0.5)["lpips"] == 0.5 and "lpips" not in PartSums(1.0, 1.0, 1, 1).figures()
+
+
+def test_the_tint_is_that_of_the_ground_whatever_its_lightness() -> None:
+    rng, part = np.random.default_rng(0), box((80, 90), slice(20, 50), slice(20, 60))
+    truth = np.repeat(rng.integers(60, 180, (80, 90, 1), dtype=np.uint8), 3, axis=2)
+
+    def tint(picture: np.ndarray, ground: np.ndarray | None = part, photograph: np.ndarray = truth) -> float | None:
+        sums = PartSums()
+        sums.add(Compared.of(Photograph.of(photograph, part, ground), picture), part)
+        return sums.figures().get("tint")
+
+    assert tint(truth + np.uint8(20)) == pytest.approx(0, abs=0.1)
+    yellow = truth.copy()
+    yellow[..., 2] -= 20
+    assert 8 < tint(yellow) < 14
+    assert tint(yellow, np.zeros_like(part)) is None
+    # Where the photograph is clipped nothing tells its colour.
+    clipped = truth.copy()
+    clipped[:, :40] = 255
+    assert tint(np.where(clipped == 255, np.uint8(0), truth), photograph=clipped) == 0
+    assert tint(yellow, photograph=np.full_like(truth, 255)) is None

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +24,10 @@ LEAST_CROP_PX = 64
 """Shortest side of a crop, pixels: below it the last layers of AlexNet and VGG, which LPIPS compares, have hardly a cell."""
 LEAST_PX = 64
 """A part of fewer pixels than this in a frame has no LPIPS there: its crop would show the photograph on both sides."""
+CLIPPED = (4, 250)
+"""Levels up to which, and from which on, a photograph's channel is clipped and its pixel has no colour to compare."""
+LEAST_TINTED_PX = 200
+"""Fewest pixels over all frames whose mean has a colour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +100,15 @@ class Compared:
         truth = self.photograph.picture[around]
         return np.where(part[around][..., None], self.picture[around], truth), truth
 
+    def colors(self, part: Mask) -> Float64:
+        """(2, 4) sums over the ground of a part (H, W), where the photograph is not clipped: red, green, blue and count of pixels,
+        of the picture and of the photograph."""
+        truth = self.photograph.picture
+        low, high = CLIPPED
+        where = np.zeros(part.shape, bool) if self.photograph.ground is None else part & self.photograph.ground
+        where &= (truth > low).all(axis=2) & (truth < high).all(axis=2)
+        return np.array([[*p[where].sum(axis=0, dtype=np.float64), where.sum()] for p in (self.picture, truth)])
+
 
 @dataclass
 class PartSums:
@@ -106,6 +120,7 @@ class PartSums:
     frames: int = 0
     details: list[DetailScore] = field(default_factory=list)
     distances: list[float] = field(default_factory=list)
+    colors: Float64 = field(default_factory=lambda: np.zeros((2, 4)))
 
     def add(self, compared: Compared, part: Mask, lpips: float | None = None) -> None:
         """Add a frame; part: (H, W) with at least one pixel."""
@@ -114,6 +129,7 @@ class PartSums:
         self.pixels += int(part.sum())
         self.frames += 1
         self.details.append(compared.detail(part))
+        self.colors += compared.colors(part)
         if lpips is not None:
             self.distances.append(lpips)
 
@@ -121,6 +137,17 @@ class PartSums:
     def lpips(self) -> float:
         """Mean over frames; NaN where there was none."""
         return sum(self.distances) / len(self.distances) if self.distances else math.nan
+
+    @property
+    def tint(self) -> float:
+        """How far apart the mean colours of the ground are, whatever their lightness: distance in a* and b* of CIELAB; NaN where
+        too little ground is not clipped."""
+        count = self.colors[0, 3]
+        if count < LEAST_TINTED_PX:
+            return math.nan
+        means = (self.colors[:, None, :3] / count / 255).astype(np.float32)
+        ours, truth = cv2.cvtColor(means, cv2.COLOR_RGB2LAB)[:, 0, 1:].astype(np.float64)
+        return float(np.hypot(*(ours - truth)))
 
     def figures(self, lpips: float | None = None) -> dict[str, Any]:
         """For JSON. ``lpips``: a mean that was taken otherwise than over frames; NaN is left out."""
@@ -130,6 +157,7 @@ class PartSums:
             "psnr": psnr_of_mse(self.squared / self.pixels),
             "ssim": self.similar / self.pixels,
             **({} if math.isnan(distance) else {"lpips": distance}),
+            **({} if math.isnan(self.tint) else {"tint": self.tint}),
             **{name: detail[name] for name in ("gradient", "line_recall", "false_lines")},
             "frames": self.frames,
         }

@@ -99,8 +99,9 @@ def measure_holdout(
         lpips: a network, for LPIPS in crops around each car with the result pasted into the photograph.
     Returns:
         a JSON-able dict. ``regions`` (removed, unseen, seen_elsewhere) have ``pixels`` and per method of ``methods``
-        ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), ``frames``, ``gradient``, ``line_recall`` and
-        ``false_lines``, and with a network ``lpips``: of a car the mean over frames, here the mean over cars. ``cars`` has each
+        ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), ``frames``, ``gradient``, ``line_recall``,
+        ``false_lines`` and ``tint`` (distance of the ground's mean colours in a* and b* of CIELAB), and with a network ``lpips``:
+        of a car the mean over frames, here the mean over cars. ``cars`` has each
         car's place (metres along and left of the path), frames, pixels, PSNR by method, and its own ``regions``. ``flicker`` is
         as of :func:`unveil_core.evaluate.flicker.measure_flicker`, the photographs themselves as ``truth``.
         ``gradient`` has per method the mean gradient inside the cars as a share of the photographs', ``spectrum_4px`` and
