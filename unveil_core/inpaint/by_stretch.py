@@ -88,7 +88,7 @@ class StreetFill:
         self.stretches = [stretch for stretch in stretches if stretch.has_ground]
         self.cache, self.kept, self.progress = cache, kept, progress
         known = scene.labels.indices
-        self._kinds = Kinds(known(GROUND_CLASSES), known(SOLID_CLASSES), known(("vegetation",)))
+        self._kinds = Kinds(known(GROUND_CLASSES), known(SOLID_CLASSES))
 
     @cached_property
     def _s_of_surfels(self) -> Float64:

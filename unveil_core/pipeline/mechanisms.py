@@ -109,7 +109,7 @@ _LISTED = (
         "sun", "inpaint",
         (
             "inpaint.light.sun_by_shadows", "inpaint.light.sun", "inpaint.light.sun_kernels", "inpaint.light.shadow_map",
-            "inpaint.light.scene_light", "inpaint.light.casters", "inpaint.light.crowns", "inpaint.light.houses",
+            "inpaint.light.scene_light", "inpaint.light.casters", "inpaint.light.houses",
         ),
         "the sun is looked for by the shadows on the ground; else what is dark around removed objects is their shadow",
     ),
@@ -117,7 +117,6 @@ _LISTED = (
         "sun_by_holes", "inpaint", ("inpaint.chart.planted",),
         "a sun that is not clear must fill planted holes better than none",
     ),
-    Mechanism("crowns", "inpaint", ("inpaint.light.crowns",), "crowns of trees are completed for their shadows"),
     Mechanism(
         "caster_company", "inpaint", ("inpaint.light.casters:_in_company",), "surfels that float alone cast no shadow",
     ),

@@ -14,9 +14,8 @@ from scipy.spatial import cKDTree
 from unveil_core.base.mechanisms import on
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import StreetChart
-from unveil_core.inpaint.light.crowns import complete_crowns
 from unveil_core.inpaint.light.shadow_map import Discs, in_shadow
-from unveil_core.surfels.surfels import Surfels, concatenate
+from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["NO_KINDS", "Casters", "Kinds", "cast_on_chart", "lit_at_sunny_walls"]
 
@@ -39,12 +38,10 @@ class Kinds:
     Attributes:
         ground: casts none.
         solid: solid down to the ground, as houses and walls, though their feet may be hidden.
-        plants: vegetation, of whose crowns only one side was seen.
     """
 
     ground: tuple[int, ...] = ()
     solid: tuple[int, ...] = ()
-    plants: tuple[int, ...] = ()
 
 
 NO_KINDS = Kinds()
@@ -52,16 +49,14 @@ NO_KINDS = Kinds()
 
 @dataclass(frozen=True, eq=False)
 class Casters:
-    """What casts shadows: of what stays, with completed crowns, and of what is removed."""
+    """What casts shadows: of what stays, and of what is removed."""
 
     kept: Surfels
     gone: Surfels
 
     @staticmethod
     def of(chart: StreetChart, kept: Surfels, gone: Surfels, kinds: Kinds) -> Casters:
-        kept, gone = (_in_company(_standing(chart, surfels, kinds.ground), kinds.solid) for surfels in (kept, gone))
-        trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), kinds.plants)))
-        return Casters(concatenate([kept, complete_crowns(trees, chart.ground)]) if on("crowns") else kept, gone)
+        return Casters(*(_in_company(_standing(chart, surfels, kinds.ground), kinds.solid) for surfels in (kept, gone)))
 
 
 def _standing(chart: StreetChart, surfels: Surfels, ground: Sequence[int]) -> Surfels:
