@@ -1,4 +1,4 @@
-"""Makes the picture of a chart in docs/method.md: the ground as the frames show it, where each texel has its colour from, and filled.
+"""Makes the picture of a chart in docs/method.md: the ground as seen, where each texel has its colour from, and filled.
 
     python docs/chart_picture.py WORKSPACE [-o docs/pictures/chart.jpg]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import area_px, border_px, grow, spread_from, within
+from unveil_core.geometry.images import area_px, border_px, grow, within
 from unveil_core.inpaint.frames.holes import BackgroundLayers, FrameTask, hole_in_frame
 
 WIDTHS = (384, 512, 768, 1000, 1200, 1400, 1600, 1920, 2560, 3840)
@@ -45,18 +45,3 @@ def test_a_hole_contains_the_border_of_its_mask(width: int) -> None:
     task = FrameTask(camera, np.zeros((200, width, 3), np.uint8), removed, hidden)
     hole = hole_in_frame(task, BackgroundLayers({}, nothing, None, nothing, nothing, nothing))
     assert np.array_equal(hole, removed) and (removed & ~hidden).any()
-
-
-def test_what_is_known_spreads_into_a_hole() -> None:
-    """Even stays even as far as the broadest blur reaches; close to what is known its own value counts."""
-    known = np.zeros((80, 200), dtype=bool)
-    known[:, :40] = True
-    even = np.full((80, 200, 3), 0.3, np.float32)
-    spread = spread_from(even, known, (2.0, 6.0, 12.0))[40, :, 0]
-    assert np.allclose(spread[:50], 0.3, atol=1e-3)
-    assert (np.diff(spread[50:]) < 1e-6).all()
-    assert spread[150] == 0
-    steps = np.where(np.arange(80)[:, None, None] < 40, 0.0, 1.0) * np.ones((1, 200, 3))
-    spread = spread_from(steps.astype(np.float32), known, (2.0, 6.0, 12.0))[..., 0]
-    assert spread[20, 41] < 0.01
-    assert spread[60, 41] > 0.99

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -25,12 +24,9 @@ __all__ = [
     "sample_at",
     "scale_from_384",
     "smoothed",
-    "spread_from",
     "within",
 ]
 
-ENOUGH_SUPPORT = 0.1
-"""Share of a Gaussian's weight that must fall on known texels for its blur to be believed alone."""
 BORDER_WIDTH = 800
 """Images narrower than this have borders of so many pixels as were found at 384, wider ones in proportion."""
 SMOOTHING_PX = 1.0
@@ -104,22 +100,6 @@ def masked_blur(picture: Float32, mask: Mask, sigma: float | tuple[float, float]
     value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), across, sigmaY=along)
     weight = np.maximum(weight + prior, 1e-6)
     return value / (weight if picture.ndim == 2 else weight[..., None])
-
-
-def spread_from(picture: Float32, mask: Mask, sigmas: Sequence[float]) -> Float32:
-    """(A, B, C) what ``mask`` shows around each texel of a picture (A, B, C), C > 1, blurred by the first of the sigmas that
-    reaches enough of it: close by in detail, farther into a hole more and more broadly; 0 out of reach of the last.
-
-    Args:
-        sigmas: of Gaussians, texels, increasing.
-    """
-    found, share = np.zeros_like(picture), np.zeros(mask.shape, dtype=np.float32)
-    for sigma in sigmas:
-        support = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), sigma)
-        part = np.clip(support / ENOUGH_SUPPORT, 0, 1) * (1 - share)
-        found += part[..., None] * masked_blur(picture, mask, sigma)
-        share += part
-    return found
 
 
 def sample_at(image: NDArray[Any], positions: Float64, mode: int = cv2.INTER_LINEAR) -> NDArray[Any]:

@@ -170,10 +170,6 @@ _LISTED = (
         "along a shadow's border each texel becomes as bright as its lateral offset",
     ),
     Mechanism(
-        "short_profile", "inpaint", ("inpaint.fill.chart_fill:_profile",),
-        "the brightness of a lateral offset is that of a short stretch, its paint that of a long one",
-    ),
-    Mechanism(
         "lateral_lines", "inpaint", ("inpaint.fill.lateral_lines",), "lines along the street are carried apart from the ground",
     ),
     Mechanism(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import grow, luminance, spread_from
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.chart.street_parts import parts_between_corners
@@ -41,15 +41,11 @@ from unveil_core.inpaint.light.shade import (
 
 __all__ = ["SHADOW_REACH_M", "fill_chart"]
 
-OTHER_PAINT, ACROSS_M = 0.2, 0.4
-"""Change of luma between a long and a short stretch from which on they show different paint, and standard deviation across the
-street over which all other change is taken for light or age, metres. On a street with a zebra crossing 3.1 dB of what is invented,
-on two without +0.05 and -0.4 dB."""
 WINDOW_M, HOP_M = 5.0, 4.0
 """Half length of the stretch whose median stands for a lateral offset, and the distance between such stretches, metres: longer
 than a parked car, so that each holds open road; chosen on the two sample streets."""
 LONG_WINDOW_M, LONG_HOP_M = 20.0, 8.0
-"""The same of the stretch that tells what is painted there: a zebra crossing is 4 m long, and a hole beside it as much again."""
+"""The same where the sun is known: it tells what is painted there, and a zebra crossing is 4 m long."""
 SHADOW_REACH_M = 2.0
 """Without a known sun: how far from its object a removed object's shadow may reach, metres. An even sky loses the share
 (1 - d / sqrt(d^2 + h^2)) / 2 of its light at a distance d from a long wall of height h, so that the light falls to SHADOW_RATIO at
@@ -155,26 +151,14 @@ def _streets(chart: StreetChart, known: Mask) -> list[slice]:
 
 
 def _profile(chart: StreetChart) -> Profile:
-    """Running medians of the lateral offsets of a chart, of each street between corners by itself.
-
-    Paint, kerb and sidewalk are those of a long stretch: of a short one zebra bars that end in a hole would be lines along the
-    street. How bright they are is that of a short one, all across: light and the asphalt's age change sooner.
-    """
+    """Running medians of the lateral offsets of a chart, of each street between corners by itself."""
     per_m = 1.0 / chart.texel
-    windows = [(int(w * per_m), max(1, int(h * per_m))) for w, h in ((LONG_WINDOW_M, LONG_HOP_M), (WINDOW_M, HOP_M))]
-
-    def of_one(color: Float32, usable: Mask) -> Float32:
-        long, short = (lateral_profile(color, usable, window=window, hop=hop)[0] for window, hop in windows)
-        if not on("short_profile"):
-            return long
-        brighter = (short / np.maximum(long, 0.02) - 1).astype(np.float32)
-        same = np.abs(luminance(brighter)) < OTHER_PAINT
-        return (long * (1 + spread_from(brighter, same, [ACROSS_M * per_m]))).astype(np.float32)
+    window, hop = int(LONG_WINDOW_M * per_m), max(1, int(LONG_HOP_M * per_m))
 
     def profile(color: Float32, usable: Mask) -> Float32:
         result = np.empty_like(color)
         for part in _streets(chart, usable):
-            result[part] = of_one(color[part], usable[part])
+            result[part] = lateral_profile(color[part], usable[part], window=window, hop=hop)[0]
         return result
 
     return profile
