@@ -132,11 +132,6 @@ _LISTED = (
         "houses go on beyond the drive's ends as the shadows there tell",
     ),
     Mechanism(
-        "tinted_shade", "inpaint",
-        ("inpaint.light.shade:lines_along", "inpaint.light.shade:beside_lines", "inpaint.light.shade:_amid"),
-        "shade is told from paint by its blue",
-    ),
-    Mechanism(
         "refuted_shade", "inpaint", ("inpaint.light.shade:_refuted",), "cast shadows of which only sunny ground is seen go",
     ),
     Mechanism(

@@ -92,7 +92,7 @@ def test_a_narrow_shadow_with_its_penumbra_is_taken_away_in_all_colours() -> Non
     seen, shadow = np.ones((200, 120), bool), share[..., 0] > 0.5
     wide = share[..., 0] > 0.2
     target = np.broadcast_to(lit, color.shape).astype(np.float32)
-    gain = relighting_gain(color, target, seen, shadow, wide, shadow, np.zeros_like(seen), per_m=per_m)
+    gain = relighting_gain(color, target, seen, shadow, wide, shadow, per_m=per_m)
     error = (color * gain / lit - 1)[40:-40]
     assert np.abs(error[:, across < 0.4]).max() < 0.03
     assert np.abs(error).max() < 0.07

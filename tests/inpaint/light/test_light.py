@@ -172,25 +172,6 @@ def test_shade_is_read_with_its_ratio() -> None:
     assert np.abs(shade.ratio - SHADE).max() < 0.03
 
 
-def test_bars_in_the_shade_are_as_blue_as_the_ground_between_them() -> None:
-    """White bars in the shade of a house, at offsets of which shade has made the profile blue: half of the shade's tint is
-    missing there."""
-    per_m, ratio = 20, np.array([0.42, 0.53, 0.67], dtype=np.float32)
-    lit = np.full((600, 200, 3), 0.45, dtype=np.float32)
-    bar = np.zeros(lit.shape[:2], dtype=bool)
-    for first in range(60, 140, 20):
-        bar[300:370, first : first + 10] = True
-    shaded = np.zeros_like(bar)
-    shaded[250:500] = True
-    street = np.where(bar[..., None], 0.95, lit)
-    color = np.where(shaded[..., None], street * ratio, street).astype(np.float32)
-    blue = lit * np.where(bar.any(axis=0)[None, :, None], ratio**0.55 / 0.7, 1).astype(np.float32)
-    shade = read_shade(color, np.ones_like(bar), shaded, lambda c, usable: blue, texels_per_m=per_m)
-    assert shade.paint is not None
-    assert shade.dark[bar].mean() > 0.95 and shade.paint[bar].mean() > 0.8
-    assert not shade.dark[:240].any()
-
-
 @pytest.mark.parametrize("sun", SUNS)
 def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tuple[float, float]) -> None:
     chart, truth, footprint, light = lit_street(sun)

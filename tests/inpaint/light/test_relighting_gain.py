@@ -23,10 +23,9 @@ def test_strips_leave_no_seam(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
     color = np.where(shadow[..., None], 0.5, 1.0).astype(np.float32) * target
     seen = generator.uniform(size=shadow.shape) < 0.9
     relit = shadow & seen & (generator.uniform(size=shadow.shape) < 0.95)
-    paint = relit & (generator.uniform(size=shadow.shape) < 0.02)
 
     def gain() -> np.ndarray:
-        return relight.relighting_gain(color, target, seen, shadow, wide, relit, paint, per_m=PER_M)
+        return relight.relighting_gain(color, target, seen, shadow, wide, relit, per_m=PER_M)
 
     monkeypatch.setattr(relight, "STRIP_M", rows / PER_M)
     whole = gain()
@@ -42,6 +41,6 @@ def test_deep_blue_shade_keeps_its_hue() -> None:
     shadow[60:140, 20:60] = True
     color = np.where(shadow[..., None], np.float32([0.2, 0.33, 0.45]), np.float32(1)) * target
     none = np.zeros_like(shadow)
-    gain = relight.relighting_gain(color, target, ~none, shadow, grow(shadow, 2), shadow, none, per_m=PER_M)
+    gain = relight.relighting_gain(color, target, ~none, shadow, grow(shadow, 2), shadow, per_m=PER_M)
     inside = (color * gain)[80:120, 30:50]
     np.testing.assert_allclose(inside, 0.5, atol=0.02)

@@ -30,7 +30,7 @@ def test_a_line_under_a_lorry_is_relit_and_what_is_black_is_not() -> None:
     color, footprint, light = under_a_lorry()
     seen = np.ones_like(footprint)
     lit = np.full_like(color, 0.5)
-    shade = Shade(light < 0.8, np.ones(3, np.float32), lit, np.zeros_like(seen))
+    shade = Shade(light < 0.8, np.ones(3, np.float32), lit)
     shadow, hopeless = shadows_of_removed(color, seen, shade, footprint, None, reach_m=2.0, per_m=PER_M)
     assert shadow[footprint].all()
     line = footprint.copy()
@@ -55,6 +55,6 @@ def test_in_the_shade_of_houses_the_ground_between_two_cars_is_in_no_shadow_of_t
     lane = np.zeros_like(footprint)
     lane[:, 110:] = True
     seen = ~footprint & (~lane | between)
-    shade = Shade(seen & lane, np.ones(3, np.float32), np.full_like(color, 0.9), np.zeros_like(lane))
+    shade = Shade(seen & lane, np.ones(3, np.float32), np.full_like(color, 0.9))
     shadow, _ = shadows_of_removed(color, seen, shade, footprint, None, reach_m=2.0, per_m=PER_M)
     assert shadow[between].mean() == (1.0 if goes else 0.0)

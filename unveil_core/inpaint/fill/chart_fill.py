@@ -102,11 +102,11 @@ def fill_chart(
     color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
     if shadow.any():
         relit = shadow & seen & ~hole
-        gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
+        gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, per_m=per_m)
         dim = still_dark(chart.color * gain, target, relit, hole, per_m=per_m)
         if on("still_dark") and dim.any():
             hole, hopeless, relit = hole | dim, hopeless | dim, relit & ~dim
-            gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
+            gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, per_m=per_m)
         if light is None and on("even_sky"):
             gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0

@@ -92,7 +92,7 @@ def prevailing_shade(color: Float32, seen: Mask, footprint: Mask, *, window: int
     opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * per_m))
     scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
     ones = np.ones(3, dtype=np.float32)
-    return Shade(opened.astype(bool) & seen, ones, scaled.astype(np.float32), np.zeros_like(seen))
+    return Shade(opened.astype(bool) & seen, ones, scaled.astype(np.float32))
 
 
 def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m: float) -> float:
@@ -276,7 +276,7 @@ def levelled_border(shadow: Mask, per_m: float) -> Mask:
 
 
 def relighting_gain(
-    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, paint: Mask, *, per_m: float
+    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, *, per_m: float
 ) -> Float32:
     """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth.
 
@@ -285,7 +285,6 @@ def relighting_gain(
     Args:
         color, target: (A, B, 3) as seen, and as it should be.
         seen: (A, B); shadow: (A, B) that goes; wide: (A, B) with its penumbra; relit: (A, B) of it, seen and kept.
-        paint: (A, B) shaded texels that are brighter than the ground of their offset, as bars of a crossing are.
         per_m: texels per metre.
     """
     gain = np.ones_like(color)
@@ -294,21 +293,18 @@ def relighting_gain(
         end = min(first + strip, rows)
         near = slice(max(first - around, 0), end + around)
         if shadow[near].any() or wide[near].any():
-            planes = (plane[near] for plane in (color, target, seen, shadow, wide, relit, paint))
+            planes = (plane[near] for plane in (color, target, seen, shadow, wide, relit))
             part = _gain_of_strip(*planes, per_m=per_m)  # type: ignore[arg-type]
             gain[first:end] = part[first - near.start :][: end - first]
     return gain
 
 
 def _gain_of_strip(
-    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, paint: Mask, *, per_m: float
+    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, *, per_m: float
 ) -> Float32:
     """:func:`relighting_gain` of some rows; right where ``REACH_M`` of rows lie around."""
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
     ring = disc(PENUMBRA_M * per_m)
-    # Paint that is not on the offset's profile says nothing of the light; it gets what the ground beside it gets.
-    unlike = relit & grow(paint, SMOOTH_M * per_m)
-    relit = relit & ~unlike
     # The light that remains is measured inside the shadow; its border counts where there is no inside.
     inside = relit & cv2.erode((shadow | ~seen).astype(np.uint8), ring).astype(bool)
     weight = np.where(inside, 1.0, BORDER_WEIGHT).astype(np.float32)[..., None]
@@ -329,6 +325,4 @@ def _gain_of_strip(
     border = levelled_border(shadow, per_m)
     inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
     gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)
-    if unlike.any():
-        gain[unlike] = masked_blur(gain, relit, 0.25 * per_m)[unlike]
     return gain

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import disc, grow, luminance, masked_blur
-from unveil_core.inpaint.light.darkness import blueness
+from unveil_core.geometry.images import disc, luminance, masked_blur
 from unveil_core.inpaint.light.sun import Sun
 
 __all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_unseen"]
@@ -41,23 +40,6 @@ SPECK_M = 0.12
 lines."""
 LEAST_TEXELS = 20
 """Texels that an offset must show in the sun and in shadow, each, for its ratio to count."""
-LEAST_TINT = 0.25
-"""Logarithm of blue over red by which shade must differ from sun for colour to tell one from the other."""
-SUN_TINT, SHADE_TINT = 0.25, 0.6
-"""Shares of that tint under which a texel lies in the sun, and over which in shade."""
-DEEP, PAINT = 1.5, 0.7
-"""Darkness, in falls from sun to shade, from which on a texel is dark whatever its colour, as under a car, where little light
-comes; and up to which a texel in shade is paint that is brighter than its offset's ground."""
-STRAY_M, LINE = 0.25, 1.25
-"""How far a line may drift from its lateral offset, metres, and by what its offset is brighter than the ground beside it."""
-ASIDE_M = 0.3
-"""Standard deviation of the surroundings across the street whose colour is that of a line's ground, metres."""
-TOUCH_M = 0.6
-"""Distance from dark ground within which such paint must lie, metres: a bar of a zebra crossing is half a metre wide."""
-BAR_M = (0.7, 1.0)
-"""Extent across and along the street of the dark frame within which something bright has the colour of the dark ground beside it if
-it is paint in the same shade, metres: wider than a bar, so that there is dark ground on both sides, and as long as several pixels
-are at 15 m."""
 CONTACT_M = 0.5
 """Width of the ground around an object that it darkens wherever the sun stands (contact shadow), metres. Chosen on the two sample
 streets."""
@@ -102,13 +84,11 @@ class Shade:
         dark: (A, B) bool, seen texels in shadow.
         ratio: (3,) or (A, B, 3) colour in shadow by colour in the sun.
         lit: (A, B, 3) median colour of the lateral offset in full sun.
-        paint: (A, B) bool, dark texels that are known to be brighter than their offset's ground in shade.
     """
 
     dark: Mask
     ratio: Float32
     lit: Float32
-    paint: Mask
 
 
 def read_shade(
@@ -137,7 +117,7 @@ def read_shade(
     log = np.log(np.maximum(luminance(smooth), 0.01))
     dark = (expected if start is None else start) & seen
     ratio = np.full(3, 0.5, dtype=np.float32)
-    lit, paint = color, np.zeros_like(dark)
+    lit = color
     for _ in range(ROUNDS):
         ratio = _ratio(smooth, seen, dark, ratio, border=max(1, round(PENUMBRA_M * texels_per_m)))
         lit = profile(np.where(dark[..., None], color / ratio, color).astype(np.float32), seen)
@@ -145,44 +125,10 @@ def read_shade(
         # Half way down is the border, but for what the scene says.
         threshold = np.where(expected, 0.5 - belief, 0.5 + belief) * fall
         darker = log - np.log(np.maximum(luminance(lit), 0.01))
-        dark, paint = seen & (darker < threshold), np.zeros_like(dark)
-        tint = float(np.log(ratio[2] / ratio[0]))
-        if tint > LEAST_TINT and on("tinted_shade"):
-            line = lines_along(lit, texels_per_m)
-            blue, usual = blueness(smooth), blueness(lit)
-            # Asphalt beside a line that drifts from its offset is as dark against it as shade is, but no bluer than the ground.
-            bluer = blue - np.where(line, beside_lines(usual, line, texels_per_m), usual)
-            dark &= ~line | (bluer > SUN_TINT * tint) | (darker < DEEP * fall)
-            beside = seen & ~dark & grow(dark, TOUCH_M * texels_per_m)
-            # What lies between dark ground is as blue as that if it lies in the same shade, whatever its offset's colour is.
-            shaded = masked_blur(blue, dark, TOUCH_M * texels_per_m)
-            bluer = np.where(_amid(dark, texels_per_m), np.maximum(bluer, blue - shaded + tint), bluer)
-            # White bars on asphalt are as bright in shade as their offset is in the sun.
-            paint = beside & (darker > PAINT * fall) & (bluer > SHADE_TINT * tint)
-            dark |= paint
+        dark = seen & (darker < threshold)
         opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * texels_per_m))
         dark = opened.astype(bool) & seen
-    return Shade(dark, ratio, lit, paint & dark)
-
-
-def _amid(dark: Mask, texels_per_m: float) -> Mask:
-    """(A, B) places with dark ground close by on both sides across the street, for a while along it."""
-    across, along = (round(m * texels_per_m) for m in BAR_M)
-    closed = cv2.morphologyEx(dark.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((1, across), np.uint8))
-    opened: Mask = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((along, 1), np.uint8)) > 0
-    return opened
-
-
-def lines_along(lit: Float32, texels_per_m: float) -> Mask:
-    """(A, B) places of lines along the street, which may stray: beside them ``lit`` (A, B, 3) is much darker."""
-    level = luminance(lit)
-    darkest = cv2.erode(level, np.ones((1, 2 * round(STRAY_M * texels_per_m) + 1), np.uint8))
-    return np.asarray(level > LINE * darkest)
-
-
-def beside_lines(picture: Float32, line: Mask, texels_per_m: float) -> Float32:
-    """A picture (A, B, …) with lines along the street (A, B) replaced by the ground beside them."""
-    return masked_blur(picture, ~line, (1.0, ASIDE_M * texels_per_m))
+    return Shade(dark, ratio, lit)
 
 
 def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: int) -> Float32:
