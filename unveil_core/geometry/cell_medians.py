@@ -27,11 +27,23 @@ def cell_medians(
         cells: (N,) of the values (N,).
         fewest: values that tell of a cell; together: the middle half of them must lie closer together than this.
     """
-    order = np.argsort(cells, kind="stable")
-    every, parts = groups(cells[order], values[order])
-    told = [
-        k
-        for k, part in enumerate(parts)
-        if len(part) >= fewest and (together == np.inf or np.subtract(*np.percentile(part, [75, 25])) < together)
-    ]
-    return every[told], np.array([np.median(parts[k]) for k in told])
+    if not len(cells):
+        return cells, np.zeros(0)
+    order = np.lexsort((values, cells))
+    ranked = values[order]
+    every, first, count = np.unique(cells[order], return_index=True, return_counts=True)
+    told = count >= fewest
+    if together != np.inf:
+        told &= _at_share(ranked, first, count, 0.75) - _at_share(ranked, first, count, 0.25) < together
+    first, count = first[told], count[told]
+    medians = (ranked[first + (count - 1) // 2] + ranked[first + count // 2]) / 2
+    return every[told], np.where(np.isnan(ranked[first + count - 1]), np.nan, medians)
+
+
+def _at_share(ranked: Float64, first: NDArray[np.int64], count: NDArray[np.int64], share: float) -> Float64:
+    """(C,) linear quantiles of cells whose values lie in rising order from ``first`` (C,) on, ``count`` (C,) of them."""
+    place = share * (count - 1)
+    below = np.floor(place).astype(np.int64)
+    low, high = ranked[first + below], ranked[first + np.minimum(below + 1, count - 1)]
+    found: Float64 = low + (high - low) * (place - below)
+    return found

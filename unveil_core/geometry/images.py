@@ -12,6 +12,8 @@ from unveil_core.base.types import Float32, Float64, Mask
 
 __all__ = [
     "area_px",
+    "blurred",
+    "blurred_over",
     "border_px",
     "disc",
     "grab_cut",
@@ -94,10 +96,22 @@ def masked_blur(picture: Float32, mask: Mask, sigma: float | tuple[float, float]
     Args:
         sigma: texels, one for both directions, or along the street and across it.
     """
-    along, across = sigma if isinstance(sigma, tuple) else (sigma, sigma)
     m = mask.astype(np.float32)
-    weight = cv2.GaussianBlur(m, (0, 0), across, sigmaY=along)
-    value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), across, sigmaY=along)
+    return blurred_over(picture * (m if picture.ndim == 2 else m[..., None]), blurred(m, sigma), sigma, prior=prior)
+
+
+def blurred(picture: Float32, sigma: float | tuple[float, float]) -> Float32:
+    """Gaussian blur of (A, B) or (A, B, C), ``sigma`` as of :func:`masked_blur`."""
+    along, across = sigma if isinstance(sigma, tuple) else (sigma, sigma)
+    return cv2.GaussianBlur(picture, (0, 0), across, sigmaY=along)  # type: ignore[return-value]
+
+
+def blurred_over(
+    picture: Float32, weight: Float32, sigma: float | tuple[float, float], *, prior: float = 0.0
+) -> Float32:
+    """:func:`masked_blur` of a picture that is 0 outside of a mask, of which the :func:`blurred` ``weight`` (A, B) is known: a wide
+    blur takes long."""
+    value = blurred(picture, sigma)
     weight = np.maximum(weight + prior, 1e-6)
     return value / (weight if picture.ndim == 2 else weight[..., None])
 

@@ -294,7 +294,7 @@ class StreetFill:
             return read_chart(
                 self.ground,
                 self.cameras_of(stretch),
-                self.of_frames(stretch, self.cache.frames(len(self.cameras), self._unlit)),
+                self.of_frames(stretch, self._pictures()),
                 self.of_frames(stretch, self.views.labels),
                 self.of_frames(stretch, self.usable),
                 rows=stretch.rows,
@@ -316,10 +316,12 @@ class StreetFill:
 
         return self.cache.frames(len(self.cameras), of)
 
-    def _unlit(self, i: int) -> NDArray[Any]:
-        """A frame's picture (H, W, 3), levels up to 255, with the light by view taken away."""
-        field = self.light_in(i)
-        return self.views.images[i] if field is None else unlit(self.views.images[i], field)
+    def _pictures(self) -> Sequence[NDArray[Any]]:
+        """(H, W, 3) by frame, levels up to 255, with the light by view taken away."""
+        light = self.light  # looked for by all threads, before several ask for pictures
+        if light is None:
+            return self.views.images
+        return self.cache.frames(len(self.cameras), lambda i: unlit(self.views.images[i], light.fields[self._which[i]]))
 
     def cameras_of(self, stretch: Stretch) -> list[Camera]:
         """Of the frames that see a stretch."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import read_json, write_image_atomic, write_json_atomic
 from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.parallel import each
 from unveil_core.base.pictures.decoding import read_instance_image
 from unveil_core.base.progress import Progress
 from unveil_core.base.resume.checkpoint import Kept
@@ -145,12 +146,16 @@ def write_moving(
     if found is not None:
         checkpoint = kept.checkpoint("written")
         state = checkpoint.load()
-        for i in range(0 if state is None else state[1]["frames"], len(drive.frames)):
+
+        def write(i: int) -> int:
             frame, numbers, shadow = drive.frames[i], found.numbers[i], found.shadows[i]
             if numbers.any():
                 write_image_atomic(frame_file(folder / "pixels", frame), numbers)
             if shadow.any():
                 save_mask(shadow, frame_file(folder / "shadows", frame))
+            return i
+
+        for i in each(write, range(0 if state is None else state[1]["frames"], len(drive.frames))):
             if checkpoint.due():
                 checkpoint.save({}, {"frames": i + 1})
             progress(i + 1, len(drive.frames), "finding shadows of dynamic objects")

@@ -81,6 +81,10 @@ class Kept:
                 write_arrays(path, found)
         return found
 
+    def has(self, name: str) -> bool:
+        """Whether there is a file of that name, which may be damaged."""
+        return self.folder is not None and (self.folder / f"{name}.npz").is_file()
+
     def within(self, name: str) -> Kept:
         """Results under a name of their own."""
         return Kept(None if self.folder is None else self.folder / name, self.every_s)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.kernels.compiled import njit
+from unveil_core.base.parallel import EXACT
 from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.fields.picture_field import PictureField
@@ -174,7 +175,7 @@ class GroundLayer:
         )
 
 
-@njit(cache=True)
+@njit(**EXACT)
 def _fill_boxes(low, high, mask):  # type: ignore[no-untyped-def]
     """Mark (H, W) the pixels of boxes (N, 2) as columns and rows, both ends included."""
     for i in range(low.shape[0]):

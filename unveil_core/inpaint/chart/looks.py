@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import each
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.street import Ground
@@ -49,17 +50,19 @@ def read_looks(
     across = int(np.ceil((t[-1] - t[0]) / CELL_M)) + 1 if len(t) else 1
     cell = ((grid_s - ground.s_start) / CELL_M).astype(np.int64) * across + ((grid_t - t[0]) / CELL_M).astype(np.int64)
     first = round(rows[0] / STEP) * len(t) + np.flatnonzero(inside)
-    found: list[tuple[NDArray[np.generic], ...]] = []
-    for v, camera in enumerate(cameras):
-        shown, pixel, depth = camera.shown(world, nearest=NEAREST_M, furthest=READ_M)
+
+    def look(v: int) -> tuple[NDArray[np.generic], ...]:
+        shown, pixel, depth = cameras[v].shown(world, nearest=NEAREST_M, furthest=READ_M)
         if not len(shown):
-            continue
+            return ()
         column, row = pixel.astype(np.int64).T
         good = usable[v][row, column]
         shown, pixel, depth, column, row = (a[good] for a in (shown, pixel, depth, column, row))
         picture = cv2.GaussianBlur(images[v], (0, 0), BLUR_PX)
         seen = light_of(picture[row, column]).astype(np.float64)
-        found.append((np.full(len(shown), which[v]), first[shown], cell[shown], pixel, seen, depth))
+        return np.full(len(shown), which[v]), first[shown], cell[shown], pixel, seen, depth
+
+    found = [view for view in each(look, range(len(cameras))) if view]
     if not found:
         nothing = np.zeros(0, np.int64)
         return GroundLooks(nothing, nothing, nothing, np.zeros((0, 2)), np.zeros((0, 3)), np.zeros(0))

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.axes import UP
@@ -197,15 +198,20 @@ def read_chart(
     inside = ground.inside(grid_s, grid_t)
     world = ground.path.to_world(np.stack([grid_s, grid_t, ground.height_at(grid_s, grid_t)], axis=1))
     texels = Texels.unseen(height * width)
+
+    def look(v: int) -> tuple[NDArray[Any], ...]:
+        index, pixel, depth = shown_places(world, grid_s, ground.path, cameras[v], READ_M, furthest_m=READ_M)
+        there = inside[index]
+        index, pixel, depth = index[there], pixel[there], depth[there]
+        # Where nothing is shown the view need not even be loaded.
+        return (index, pixel, depth, images[v], labels[v], usable[v]) if len(index) else ()
+
     rounds = (0, 1) if robust else (0,)
     for again in rounds:
         differences = []
-        for v, camera in enumerate(cameras):
-            index, pixel, depth = shown_places(world, grid_s, ground.path, camera, READ_M, furthest_m=READ_M)
-            there = inside[index]
-            index, pixel, depth = index[there], pixel[there], depth[there]
-            if len(index):  # else the view need not even be loaded
-                found = texels.add(index, pixel, depth, images[v], labels[v], usable[v])
+        for v, view in enumerate(each(look, range(len(cameras)))):
+            if view:
+                found = texels.add(*view)
                 differences.append(found[:: max(1, len(found) // SAMPLES)])
             progress(again * len(cameras) + v + 1, len(rounds) * len(cameras), "reading the street")
         if again != rounds[-1] and differences:

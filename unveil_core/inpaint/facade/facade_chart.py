@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import each
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
@@ -214,14 +215,19 @@ def read_views(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) 
     along: Float64 = chart.s_start + chart.texel * rows.astype(np.float64)
     texels, (sky, beyond) = Texels.unseen(len(rows)), np.zeros((2, len(rows)))
     occluded = np.zeros(len(rows), dtype=bool)
-    for view in views:
+
+    def look(i: int) -> tuple[FacadeView, NDArray[np.int64], Float64, Float64, Mask]:
+        view = views[i]
         part, pixel, z = shown_places(world, along, chart.ground.path, view.camera, reach_m)
+        # At the border of what is removed pixels are mixed.
+        return view, part, pixel, z, ~grow(view.removed, border_px(view.camera.width, 1))
+
+    for view, part, pixel, z, sound in each(look, range(len(views))):
         if not len(part):
             continue
         x, y = pixel.astype(np.int64).T
         occluded[part[view.removed[y, x]]] = True
-        # At the border of what is removed pixels are mixed.
-        clear = ~grow(view.removed, border_px(view.camera.width, 1))[y, x]
+        clear = sound[y, x]
         behind, agree = view.depth[y, x] - z, AGREE_M + AGREE * z
         seen = view.on_wall[y, x] & clear & (behind > -agree) & (behind < agree + ROOF_M)
         # Seen from along the street a facade is foreshortened.

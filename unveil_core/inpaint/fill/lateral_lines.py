@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import masked_blur
+from unveil_core.geometry.images import blurred, blurred_over, masked_blur
 
 __all__ = ["lateral_lines"]
 
@@ -28,10 +28,12 @@ def lateral_lines(color: Float32, known: Mask, texel: float) -> Float32:
     """
     detail = np.where(known[..., None], color - masked_blur(color, known, BROAD_M / texel), 0).astype(np.float32)
     reach = ALONG_M / texel, ACROSS_M / texel
-    mean = masked_blur(detail, known, reach)
+    # Blurs as long as this take most of the time of a street: one serves for all.
+    weight = blurred(known.astype(np.float32), reach)
+    mean = blurred_over(detail, weight, reach)
     signal = (mean**2).sum(axis=2)
-    power = masked_blur((detail**2).sum(axis=2).astype(np.float32), known, reach)
-    seen = masked_blur(known.astype(np.float32), np.ones_like(known), reach)
+    power = blurred_over((detail**2).sum(axis=2).astype(np.float32), weight, reach)
+    seen = weight / blurred(np.ones((2, known.shape[1]), np.float32), reach)[0]
     looks = np.maximum(seen * (2 * np.sqrt(np.pi) * ALONG_M / INDEPENDENT_M), 1e-3)
     chance = np.maximum(power - signal, 0) / looks
     lines: Float32 = mean * np.clip(1 - chance / np.maximum(signal, 1e-9), 0, 1)[..., None].astype(np.float32)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept, facts_array, facts_of
 from unveil_core.drives.drive import Frame, instants
@@ -52,7 +53,7 @@ def plan_drive(
         return mask_bits(hole.mask), hole.depth
 
     stored = cache.stored(scratch, len(tasks), find)
-    for done, _ in enumerate(stored):
+    for done, _ in enumerate(each(stored.__getitem__, range(len(tasks)))):
         progress(done + 1, len(tasks), "choosing keyframes")
     holes = Frames(len(tasks), lambda i: _hole(frames[i].camera, *stored[i]))
     kept = Kept(scratch)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.mechanisms import on
+from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -46,6 +47,8 @@ from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["Painted", "RemainingScene", "propagate_inpainting"]
+
+T = TypeVar("T")
 
 RING_PX = 14
 """Width of the ring around the mask in which the photograph's ground is compared with the chart, pixels at 384, in proportion in
@@ -155,17 +158,32 @@ def propagate_inpainting(
             seeds += new
             surfels = concatenate([scene.surfels, *seeds])
         progress(done + 1, total, "inpainting keyframes")
-    for done, index in enumerate(plan.visit_order):
-        if index not in finished:
-            # What no keyframe shows is little, unless the user chose them; then it, too, is invented once.
-            paint = partial(painter.paint, tasks[index], surfels, least_px=LEAST_SEEDS_PX)
+    rest = [index for index in plan.visit_order if index not in finished]
+    several = references is None
+    while rest:
+        known = partial(painter.paint, surfels=surfels, least_px=LEAST_SEEDS_PX)
+
+        def begin(index: int, known: Callable[..., Any] = known) -> tuple[Painted, list[Surfels]] | None:
+            return None if kept.has(f"{index:06d}") else known(tasks[index])
+
+        # What no keyframe shows is little, unless the user chose them; then it, too, is invented once. So most frames do not depend
+        # on those before them. Where one does invent, those that were begun after it are begun anew.
+        for index, begun in zip(rest, each(begin, rest if several else rest[:1]), strict=False):
+            paint = partial(known, tasks[index]) if begun is None else partial(_same, begun)
             first = deferring.pop(index, None)
             new = finish(index, paint if first is None else partial(_painted_over, first, paint))
+            rest = rest[1:]
+            progress(total - len(rest), total, "inpainting")
+            several = not new and references is None
             if new:
                 seeds += new
                 surfels = concatenate([scene.surfels, *seeds])
-        progress(len(plan.keyframes) + done + 1, total, "inpainting")
+                break
     return concatenate(seeds) if seeds else None
+
+
+def _same(value: T) -> T:
+    return value
 
 
 def _with_seeds(arrays: dict[str, NDArray[Any]], seeds: list[Surfels]) -> dict[str, NDArray[Any]]:

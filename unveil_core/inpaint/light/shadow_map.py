@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.kernels.compiled import njit
+from unveil_core.base.parallel import EXACT
 from unveil_core.base.types import Float64
 from unveil_core.surfels.surfels import Surfels, rotations
 
@@ -82,7 +83,7 @@ def in_shadow(points: Float64, casters: Discs, towards_sun: Float64) -> NDArray[
     return np.asarray(nearest[row, column] > height + BIAS_M)
 
 
-@njit(cache=True)
+@njit(**EXACT)
 def _draw(nearest, means, extents, axes, left, top, cell):  # type: ignore[no-untyped-def]
     """Draw discs, orthographically: means (N, 3) and extents (N, 2, 3) as of :class:`Discs`; rows of ``axes`` (3, 3) are the map's
     x, its y and the depth, from ``left`` and ``top`` on in pixels of ``cell`` metres. ``nearest`` keeps the largest depth of each

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.parallel import each
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
@@ -215,7 +216,8 @@ def _refined_sun(
             _, a0, e0 = best
             around = np.arange(-reach, reach + 0.01, degrees)
             tried = [(a0 + da, float(np.clip(e0 + de, *ELEVATION_LIMITS))) for da in around for de in around]
-            best = max(best, max((agreement(a, e), a, e) for a, e in tried))
+            agreed = each(lambda direction: agreement(*direction), tried)
+            best = max(best, max((much, a, e) for much, (a, e) in zip(agreed, tried, strict=True)))
         found.append((*best, sun.score))
     _, azimuth, elevation, score = max(found)
     if agreement(azimuth, elevation, np.ones(len(is_dark))) < LEAST_AGREEMENT:

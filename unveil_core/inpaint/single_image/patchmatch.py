@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.kernels.compiled import njit
+from unveil_core.base.parallel import EXACT
 from unveil_core.base.types import Float32, Mask
 
 __all__ = ["patch_fill"]
@@ -114,7 +115,7 @@ def _finer(match: NDArray[np.int32], shape: tuple[int, ...]) -> NDArray[np.int32
     return np.where(coarse >= 0, fine, -1).astype(np.int32)
 
 
-@njit(cache=True)
+@njit(**EXACT)
 def _noise(a, b, c):  # type: ignore[no-untyped-def]
     """A number in [0, 1) from three integers."""
     x = (
@@ -130,7 +131,7 @@ def _noise(a, b, c):  # type: ignore[no-untyped-def]
     return np.float64(x) / 4294967296.0
 
 
-@njit(cache=True)
+@njit(**EXACT)
 def _distance(picture, y, x, v, u, limit):  # type: ignore[no-untyped-def]
     """Mean squared difference of two patches; the target's may reach over the border, where nothing counts."""
     rows, columns = picture.shape[0], picture.shape[1]
@@ -148,7 +149,7 @@ def _distance(picture, y, x, v, u, limit):  # type: ignore[no-untyped-def]
     return total / count
 
 
-@njit(cache=True)
+@njit(**EXACT)
 def _try(picture, sources, match, cost, row_cost, y, x, v, u):  # type: ignore[no-untyped-def]
     if v < 0 or u < 0 or v >= sources.shape[0] or u >= sources.shape[1] or not sources[v, u]:
         return
@@ -161,7 +162,7 @@ def _try(picture, sources, match, cost, row_cost, y, x, v, u):  # type: ignore[n
         match[y, x, 0], match[y, x, 1] = v, u
 
 
-@njit(cache=True)
+@njit(**EXACT)
 def _match(picture, sources, places, targets, match, cost, row_cost, searches, turn):  # type: ignore[no-untyped-def]
     """Improve the nearest known patch of every target patch in place; ``cost`` gets the mean squared differences, and what the
     rows between cost."""
@@ -203,7 +204,7 @@ def _match(picture, sources, places, targets, match, cost, row_cost, searches, t
                     draw += 1
 
 
-@njit(cache=True)
+@njit(**EXACT)
 def _vote(picture, hole, targets, match, cost, certainty, spread):  # type: ignore[no-untyped-def]
     """Every hole pixel becomes the weighted mean of what the patches over it would put there."""
     rows, columns = hole.shape

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.mechanisms import on
+from unveil_core.base.parallel import each
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects
@@ -81,7 +82,7 @@ def run(context: StageContext) -> Facts:
     )
     stored = context.cache.stored(context.scratch("seen"), len(frames), lambda i: (pixels.seen(frames[i]).depth,))
     views = SeenViews([f.camera for f in frames], Frames(len(frames), lambda i: SeenView(*stored[i])))
-    for done, _ in enumerate(stored):
+    for done, _ in enumerate(each(stored.__getitem__, range(len(frames)))):
         context.progress(done + 1, 2 * len(frames), "finding what no frame shows")
     removed = Frames(len(frames), lambda i: grow(views.frames[i].hidden, border_px(frames[i].camera.width)))
 
@@ -95,14 +96,18 @@ def run(context: StageContext) -> Facts:
     edit = SceneEdit.removing(gone, short)
     write_edit(edit, context.output("surfels/removal.npz"))
     empty = empty_street(edit.apply(surfels), ground, scene.labels.indices(GROUND_CLASSES))
-    for done, frame in enumerate(frames):
-        last = frame_file(context.output("regions"), frame)
-        if not last.is_file():  # not written by an attempt that was interrupted
-            hidden, mask = views.frames[done].hidden, removed[done]
-            unseen = never_seen(frame.camera, hidden, empty.depth(frame.camera, hidden), views)
-            save_mask(mask, frame_file(context.output("masks/removed"), frame))
-            save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
-            write_image_atomic(last, region_map(mask, hidden, unseen))
+
+    def write(i: int) -> None:
+        last = frame_file(context.output("regions"), frames[i])
+        if last.is_file():  # written by an attempt that was interrupted
+            return
+        camera, hidden, mask = frames[i].camera, views.frames[i].hidden, removed[i]
+        unseen = never_seen(camera, hidden, empty.depth(camera, hidden), views)
+        save_mask(mask, frame_file(context.output("masks/removed"), frames[i]))
+        save_mask(unseen, frame_file(context.output("masks/unobserved"), frames[i]))
+        write_image_atomic(last, region_map(mask, hidden, unseen))
+
+    for done, _ in enumerate(each(write, range(len(frames)))):
         context.progress(len(frames) + done + 1, 2 * len(frames), "finding what no frame shows")
     names = {int(entry["id"]): str(entry["class"]) for entry in listed_objects(workspace) if "class" in entry}
     return assumed([_vehicles_assumed(selected.not_one, names)])
