@@ -70,15 +70,17 @@ def test_a_stage_depends_on_its_own_mechanisms_only() -> None:
     settings = RunSettings(without=("quilting", "remains"))
     told = {s.name: s.chosen(settings)["without"] for s in STAGES if "without" in s.settings}
     assert {name: names for name, names in told.items() if names} == {"inpaint": ["quilting"], "remove": ["remains"]}
-    assert of_stage("inpaint", ("facades", "free_space")) == of_stage("inpaint", ("free_space", "facades", "remains"))
+    assert of_stage("inpaint", ("facades", "layered_fill")) == of_stage(
+        "inpaint", ("layered_fill", "facades", "remains")
+    )
 
 
 def test_switching_off_ends_with_its_block_also_after_an_error() -> None:
     assert on("facades") and MECHANISMS["facades"].enabled
-    with pytest.raises(ValueError), without(["facades"]), without(["free_space"]):
-        assert not on("facades") and not on("free_space") and not MECHANISMS["facades"].enabled
+    with pytest.raises(ValueError), without(["facades"]), without(["layered_fill"]):
+        assert not on("facades") and not on("layered_fill") and not MECHANISMS["facades"].enabled
         raise ValueError
-    assert on("facades") and on("free_space")
+    assert on("facades") and on("layered_fill")
 
 
 def test_an_unknown_name_is_one_line_with_the_nearest() -> None:

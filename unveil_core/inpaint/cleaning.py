@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, part_of
@@ -17,7 +16,6 @@ from unveil_core.drives.selecting import named_frames
 from unveil_core.ground.blocks import Block, Blocks
 from unveil_core.inpaint.by_stretch import FilledStreet
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.frames.free_space import FreeSpace
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json, plans_json
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
@@ -136,7 +134,6 @@ class Cleaning:
         cameras = [f.camera for f in given.drive.frames]
         sky = sky_behind(self.curtains, [cameras[i] for i in block.own], cache)
         on_ground = given.scene.labels.indices(GROUND_CLASSES)
-        free = FreeSpace(cameras, cache.frames(len(cameras), self._reached))
 
         def task(k: int) -> FrameTask:
             i = block.own[k]
@@ -148,18 +145,11 @@ class Cleaning:
                 given.unobserved[i],
                 np.isin(views.labels[i], given.scene.removable_labels) & shown,
                 sky=None if sky is None else sky[k],
-                free=free,
                 ground=np.isin(views.labels[i], on_ground) & shown,
                 light=None if self.filled is None else self.filled.street.light_in(i),
             )
 
         return Frames(len(block.own), task)
-
-    def _reached(self, i: int) -> NDArray[np.float32]:
-        """(H, W) depth of what a frame shows, removed or not; inf where that is the sky, or nothing."""
-        views, depth = self.given.views, self.given.views.depths[i]
-        sky = np.isin(views.labels[i], self.given.scene.labels.indices(("sky",)))
-        return np.where(sky | (depth <= 0), np.inf, depth).astype(np.float32)
 
     def _named(self, block: Block) -> tuple[int, ...] | None:
         """The user's keyframes among a block's frames; None where they are chosen here."""

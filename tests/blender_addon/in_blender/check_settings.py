@@ -14,7 +14,7 @@ OPTIONS = [
     "--label-classes=cityscapes", "--mask-removes=white", "--sweeps=2", "--pose-convention=opengl", "--scale=1.0123456789",
     "--up=z", "--poses=given", "--quality=draft", "--work-side=96", "--device=cpu", "--memory=512M", "--seed=7",
     "--iterations=60", "--splats=3000", "--sh-degree=0", "--no-adaptation", "--inpainter=telea", "--order=forward", "--keyframes=3",
-    "--baselines", "--without=quilting", "--without=free_space",
+    "--baselines", "--without=quilting", "--without=layered_fill",
 ]  # fmt: skip
 """All that a drive of one scene and one model takes; labels, instance maps, marks and corrections are added below."""
 

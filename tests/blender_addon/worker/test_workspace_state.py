@@ -55,7 +55,7 @@ def test_a_stage_run_anew_with_other_settings_makes_stale_what_follows(root: Pat
         {"quality": "draft"},
         {"shadows": "off"},
         {"instances": (300,)},
-        {"without": ("quilting", "free_space", "remains")},
+        {"without": ("quilting", "layered_fill", "remains")},
     ],
 )
 def test_it_agrees_with_unveil_status(root: Path, changed: dict[str, object]) -> None:

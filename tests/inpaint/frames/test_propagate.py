@@ -113,7 +113,9 @@ def test_what_given_keyframes_do_not_show_is_invented_once_all_the_same() -> Non
     painted, holes, painter = paint(cameras, [0, 1, 2], "reverse", given=(2,))
     assert not holes[2].mask.any() and not painted[2].invented.any()
     assert painted[1].invented.sum() > 200 and painted[0].invented.sum() < 20
-    assert np.abs(inner_colors(painted[:2], holes[:2]) - PAINTS[0]).max() < 25
+    # Frames that are begun at once are painted in any order; which paint is kept is that of the frame whose turn comes first.
+    shown = inner_colors(painted[:2], holes[:2])
+    assert np.abs(shown - shown[1]).max() < 25 and np.abs(np.array(PAINTS) - shown[1]).max(axis=1).min() < 25
 
 
 def test_a_hole_has_the_depth_and_the_area_of_what_it_is_in_and_ends_at_the_sky() -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
@@ -16,7 +15,6 @@ from unveil_core.geometry.fields.picture_field import PictureField
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer, GroundPixels
 from unveil_core.inpaint.frames.depth import complete_depth
-from unveil_core.inpaint.frames.free_space import FreeSpace
 from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.surfels import Surfels
 
@@ -57,7 +55,6 @@ class FrameTask:
         unobserved: (H, W) bool, of them those behind which lies what no frame shows.
         kept: (H, W) bool, pixels of objects that stay, on which no ground is relit; None where they are not known.
         sky: (H, W) bool, pixels behind which facades end below the sky; None where they are not known.
-        free: what the frames saw through; None where it is not known.
         ground: (H, W) bool, pixels whose photograph shows ground; None where no labels tell.
         light: of the camera's pictures, see :mod:`unveil_core.inpaint.light.view_light`; None where it is even.
     """
@@ -68,7 +65,6 @@ class FrameTask:
     unobserved: Mask
     kept: Mask | None = None
     sky: Mask | None = None
-    free: FreeSpace | None = None
     ground: Mask | None = None
     light: PictureField | None = None
 
@@ -168,13 +164,9 @@ def hole_in_frame(task: FrameTask, background: BackgroundLayers) -> Mask:
 
 
 def missing_depth(task: FrameTask, background: BackgroundLayers, empty: Mask) -> NDArray[np.float64]:
-    """(H, W) depth of the scene, continued into ``empty`` from around it, behind what frames see through and before the ground."""
-    depth = complete_depth(
-        background.rendered["depth"], background.rendered["alpha"] > IN_FRONT_ALPHA, empty, background.ceiling
-    )
-    if task.free is None or not on("free_space"):
-        return depth
-    return task.free.behind(task.camera, empty, depth, ceiling=background.ceiling, furthest=CARRIED_M)
+    """(H, W) depth of the scene, continued into ``empty`` from around it, before the ground."""
+    rendered = background.rendered
+    return complete_depth(rendered["depth"], rendered["alpha"] > IN_FRONT_ALPHA, empty, background.ceiling)
 
 
 def open_hole(task: FrameTask, surfels: Surfels, layer: GroundLayer | None) -> Hole:
