@@ -81,9 +81,6 @@ _LISTED = (
         "loose_ends", "remove", ("remove.unsupported",), "without classes, what no masked frame backs goes with an object",
     ),
     Mechanism(
-        "floating_ground", "remove", ("remove.floating",), "surfels labelled ground that float where objects are go",
-    ),
-    Mechanism(
         "missed_objects", "remove", ("remove.missed",), "objects that a frame's labels miss are found by the scene",
     ),
     Mechanism(

@@ -11,9 +11,7 @@ from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Labels, Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
-from unveil_core.remove.floating import floating_ground
 from unveil_core.remove.selection import Selection, select_removed
 from unveil_core.remove.unsupported import unsupported
 from unveil_core.semantics.classes import GROUND_CLASSES
@@ -49,10 +47,6 @@ def removed_surfels(
     gone = found.removed
     if not labelled and on("loose_ends"):
         gone = gone | _loose_ends(drive, scene, surfels, gone)
-    if labelled and street is not None and on("floating_ground"):
-        border = border_px(drive.frames[0].camera.width)
-        masks = (grow(np.isin(frame_labels(f, scene), scene.removed_labels), border) for f in drive.frames)
-        gone = gone | floating_ground(means, on_ground, street, [f.camera for f in drive.frames], masks)
     return replace(found, removed=gone)
 
 
