@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.parallel import each
 from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.base.types import Float32, Picture
 from unveil_core.delivery.views import EmptyView, EmptyViews
@@ -113,9 +114,12 @@ def provenance_of(
     pictures = cache.frames(len(frames), lambda i: np.round(smoothed(looks.pictures[i])).astype(np.uint8))
     places = _removed_places(root)
     witnesses = Witnesses(looks.views, pictures)
-    for i in range(len(frames)) if wanted is None else wanted:
+
+    def told(i: int) -> FrameProvenance:
         frame, origin = frames[i], looks.origins[i]
-        yield FrameProvenance(frame, origin, _doubts_of(root, made, frame, origin, witnesses, i, exposures, places))
+        return FrameProvenance(frame, origin, _doubts_of(root, made, frame, origin, witnesses, i, exposures, places))
+
+    yield from each(told, range(len(frames)) if wanted is None else wanted)
 
 
 def surfel_origins(root: Path, count: int) -> NDArray[np.uint8]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.mechanisms import on
+from unveil_core.base.parallel import each
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask
 from unveil_core.corrections.files import corrections_of
@@ -64,10 +65,12 @@ def run(context: StageContext) -> None:
     moving = read_moving(workspace.root)
     looks = looks_of(workspace.root, frames, empty, cache, context.scratch("origins"))
     photographs = Photographs(looks.views, looks.pictures, read_ground(workspace.ground_npz).street)
-    for i, frame in enumerate(drive.frames):
+
+    def draw(i: int) -> None:
+        frame = frames[i]
         finished = frame_file(context.output("clean"), frame)
         if finished.is_file():
-            continue  # written by an attempt that was interrupted
+            return  # written by an attempt that was interrupted
         picture = picture_of(empty, sky, frame.camera, near=NEAR_M, far=FAR_M)
         write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
@@ -79,7 +82,9 @@ def run(context: StageContext) -> None:
         street = carried_over(photographs, i, street, picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
         delivered = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
         write_image_atomic(finished, delivered if corrections is None else corrections.work_size(i, delivered))
-        context.progress(i + 1, len(frames), "drawing the empty street")
+
+    for done, _ in enumerate(each(draw, range(len(frames)))):
+        context.progress(done + 1, len(frames), "drawing the empty street")
     # What an attempt that was interrupted has told stays: the certainty of a frame is the last that is written of it.
     left = [i for i, f in enumerate(frames) if not frame_file(context.output("certainty"), f).is_file()]
     told = provenance_of(workspace.root, context.partial, frames, looks, cache, left)
