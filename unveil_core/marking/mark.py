@@ -131,7 +131,7 @@ def mark(
             return network.outline(v, images[v], seeds, prompt)
         return object_outline(images[v], seeds, prompt)
 
-    points = scene_points(drive, space.surface, cache=cache, progress=progress)
+    points = scene_points(drive, space.surface, measured=space.measured, cache=cache, progress=progress)
     found: list[MarkedNow] = []
     shown: list[Shown] = []
     if moving:
@@ -145,10 +145,12 @@ def mark(
     for thing in chosen:
         kept = painted.get(thing.name, [])
         prompts = _prompts(thing, kept, drive, folder, pictures, frame_of)
-        masks = carried(drive, points, prompts, outline, progress)
+        masks = carried(drive, images.__getitem__, points, prompts, outline, progress)
         count = _write(folder, thing, drive, masks, kept)
         if count <= len(prompts.frames):
-            notice(f"{thing.name}: carried to no other frame (no point lies on it, and its foot meets no ground)")
+            notice(
+                f"{thing.name}: carried to no other frame (no other frame shows it, or it changes too much from frame to frame)"
+            )
         found.append(MarkedNow(thing.name, thing.id, count, folder / "mattes" / thing.folder))
         shown.append(Shown(thing, prompts, masks))
     write_record(folder, things)

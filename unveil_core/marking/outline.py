@@ -23,8 +23,9 @@ TINY_PX = 12
 LEAST_SHARE = 0.5
 """Of what geometry expects: where colours find less, they are those of the shade that the object stands in."""
 NEAR, FAR = 0.05, 0.12
+NEAR_APART, FAR_APART = 0.4, 0.7
 """Without points, what lies so near to the clicks is probably theirs, and what lies no farther may be: shares of the picture's
-width, or 0.4 times, and once, what the clicks are apart."""
+width, and of what the clicks are apart; the larger of both counts."""
 
 Outliner = Callable[[int, Seeds | None, Prompt | None], Mask]
 """Gives the pixels (H, W) of an object in a frame: its index, what geometry says, and what a person says, of it there."""
@@ -70,7 +71,7 @@ def _by_colour_alone(image: NDArray[np.uint8], own: Mask, others: Mask) -> Mask:
     if not len(rows):
         return own
     apart = float(max(np.ptp(columns), np.ptp(rows)))
-    near, far = max(NEAR * own.shape[1], 0.4 * apart), max(FAR * own.shape[1], apart)
+    near, far = (max(a * own.shape[1], b * apart) for a, b in ((NEAR, NEAR_APART), (FAR, FAR_APART)))
     reach = int(2 * far)
     window = (
         slice(max(int(rows.min()) - reach, 0), int(rows.max()) + reach + 1),

@@ -44,8 +44,9 @@ TALL = np.array([1.0, 1.0, 1.5])
 LEAST_REACHES_M, REACH = (3.0, 2.5, 2.0), 0.6
 """Clicks mean what lies no farther away than this, metres, and than this share of what they are apart from each other: those on one
 end of a car mean all of it. The first that cuts out what may be one thing counts; where none does, the last."""
-HOLD_M = 1.0
-"""What lies nearer to a click than this, metres, is rather its object's."""
+HOLD_M = 1.8
+"""What lies nearer to a click than this, metres, is rather its object's: a car is so wide, and clicks on its tail alone mean all of
+it."""
 VEHICLE_M = (6.5, 2.9, 4.3)
 """Length, width and height of a cluster that is one thing, however close together the clicks are: a van with its mirrors. It may be
 longer where clicks are farther apart."""

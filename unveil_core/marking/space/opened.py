@@ -15,7 +15,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, Footage, Frame
-from unveil_core.drives.imported import read_imported
+from unveil_core.drives.imported import CAMERAS, read_imported
 from unveil_core.drives.importing.frames import at_work_size, working_camera
 from unveil_core.drives.importing.sweeps import gathered
 from unveil_core.drives.importing.whole_drive import localized
@@ -28,6 +28,8 @@ __all__ = ["Opened", "opened"]
 
 WORK_SIDE = 1024
 """Longer side of the pictures in which objects of a drive are outlined, pixels: outlines follow colours to a pixel of these."""
+SOLVED = "solve.json"
+"""Lies beside a drive whose points ``unveil solve`` found in photographs."""
 SOLID = 0.5
 """Opacity from which on a surfel is a place of the scene's surface."""
 
@@ -41,12 +43,14 @@ class Opened:
         image: gives the picture (H, W, 3) of working size of a frame, by its index.
         surface: positions and normals (S, 3) of the scene, None before it is reconstructed.
         taken: ids that objects have already.
+        measured: whether the points were measured; those of ``unveil solve`` were found in photographs.
     """
 
     drive: Drive
     image: Callable[[int], NDArray[np.uint8]]
     surface: tuple[Float64, Float64] | None
     taken: frozenset[int]
+    measured: bool = True
 
 
 def opened(source: Path, settings: RunSettings, progress: Progress = no_progress) -> Opened:
@@ -72,7 +76,7 @@ def opened(source: Path, settings: RunSettings, progress: Progress = no_progress
         assert footage is not None
         return at_work_size(photograph(read[v]), footage, frames[v].camera)
 
-    return Opened(replace(drive, frames=frames), image, None, frozenset())
+    return Opened(replace(drive, frames=frames), image, None, frozenset(), _measured(drive.root))
 
 
 def _at_work_size(frame: Frame, side: int) -> Frame:
@@ -95,4 +99,11 @@ def _of_workspace(workspace: Workspace) -> Opened:
         solid = surfels.opacity_logits.sigmoid() > SOLID
         surfels = surfels.select(solid)
         surface = surfels.means.double().numpy(), surfels.normals().double().numpy()
-    return Opened(replace(drive, frames=frames), lambda v: read_image(frames[v].image_path), surface, taken)
+    # A reconstructed scene has surfaces where it had no points.
+    measured = surface is not None or _measured(Path(str(read_own_json(workspace.drive_dir / CAMERAS)["source"])))
+    return Opened(replace(drive, frames=frames), lambda v: read_image(frames[v].image_path), surface, taken, measured)
+
+
+def _measured(root: Path) -> bool:
+    """Whether the points of a drive, read from a folder or file, were measured."""
+    return not ((root if root.is_dir() else root.parent) / SOLVED).is_file()

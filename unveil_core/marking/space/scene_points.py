@@ -42,6 +42,8 @@ class ScenePoints:
         over: (P,) height over the ground, metres; NaN where none is known.
         ground: its height; None where too few points lie on any.
         views: of each frame, the points that it sees.
+        measured: whether they lie on whatever there is: those that photographs show are missing on plain paint and panes, and some
+            float between things.
     """
 
     positions: Float64
@@ -51,6 +53,7 @@ class ScenePoints:
     over: Float64
     ground: HeightField | None
     views: Sequence[PointsInView]
+    measured: bool = True
 
     @property
     def standing(self) -> Mask:
@@ -63,6 +66,7 @@ def scene_points(
     drive: Drive,
     surface: tuple[Float64, Float64] | None = None,
     *,
+    measured: bool = True,
     cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> ScenePoints:
@@ -71,6 +75,7 @@ def scene_points(
     Args:
         drive: imported; its points are used where there is no scene.
         surface: positions (S, 3) and normals (S, 3) of the reconstructed scene.
+        measured: see :class:`ScenePoints`.
         cache: room for the frames; progress: called per frame.
     """
     cameras = [f.camera for f in drive.frames]
@@ -94,9 +99,8 @@ def scene_points(
     colors = np.zeros((len(positions), 3))
     if surface is None and points.colors is not None:
         colors = points.colors[some] / 255.0
-    return ScenePoints(
-        positions, spacing, normals, colors, over, ground, (cache or FrameCache()).frames(len(cameras), seen)
-    )
+    views = (cache or FrameCache()).frames(len(cameras), seen)
+    return ScenePoints(positions, spacing, normals, colors, over, ground, views, measured)
 
 
 def _of_own_vehicle(drive: Drive, positions: Float64) -> Mask:
