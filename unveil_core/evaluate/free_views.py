@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.parallel import each
 from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Mask
+from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.camera_path import View, read_camera_path
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
@@ -70,12 +71,15 @@ def measure_free_views(
     surfels, sky = read_surfels(scene), load_sky(root / "surfels/sky.npz")
     sums: dict[str, dict[str, list[tuple[float, float, int]]]] = defaultdict(lambda: defaultdict(list))
     per_view = []
-    for done, view in enumerate(views):
+
+    def compare(view: View) -> tuple[Float64, Float64]:
         street = _true_picture(folder, view)
         picture = picture_of(surfels, sky, view.camera, near=NEAR_M, far=FAR_M)
         error = squared_error(picture, street)
         big = min(error.shape) >= SSIM_WINDOW
-        similar = ssim_map(picture, street) if big else np.full(error.shape, np.nan)
+        return error, ssim_map(picture, street) if big else np.full(error.shape, np.nan)
+
+    for done, (view, (error, similar)) in enumerate(zip(views, each(compare, views), strict=True)):
         entry: dict[str, Any] = {"view": view.name, "track": view.track, "psnr": {}}
         for region, mask in _regions(folder, view).items():
             if mask.any():

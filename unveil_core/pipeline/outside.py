@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
+from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.networks.onnx_files import files_of
 from unveil_core.corrections.files import read_corrections
-from unveil_core.drives import open_drive
+from unveil_core.drives import Drive, open_drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing.truth_files import truth_files
 from unveil_core.drives.marked import files_named, read_marked
@@ -24,14 +28,45 @@ __all__ = [
     "files_of_moving_marks",
     "files_of_networks",
     "files_of_truth",
+    "let_go",
+    "opened",
+    "opened_once",
 ]
+
+_held: ContextVar[dict[tuple[Path, DriveOptions], Drive] | None] = ContextVar("held", default=None)
+
+
+@contextmanager
+def opened_once() -> Iterator[None]:
+    """A block in which :func:`opened` reads a drive once, up to :func:`let_go`: what a run looks at before its first stage, whose
+    files it goes by and what it imports is one drive. The tables of some datasets take seconds to read."""
+    before = _held.set({})
+    try:
+        yield
+    finally:
+        _held.reset(before)
+
+
+def let_go() -> None:
+    """Hold no drive any longer: stages after the import read what was imported, and a long drive's points are large."""
+    _held.set(None)
+
+
+def opened(drive: str | Path, options: DriveOptions) -> Drive:
+    """See :func:`unveil_core.drives.open_drive` and :func:`opened_once`."""
+    held, key = _held.get(), (Path(drive).absolute(), options)
+    if held is None:
+        return open_drive(drive, options)
+    if key not in held:
+        held[key] = open_drive(drive, options)
+    return held[key]
 
 
 def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
     """Everything that a drive consists of. Where it lies counts too: the workspace refers to its ground truth."""
-    opened = open_drive(drive, settings.drive_options)
-    files = [*opened.sources, *(s.path for s in opened.sweeps)]
-    for f in opened.frames:
+    found = opened(drive, settings.drive_options)
+    files = [*found.sources, *(s.path for s in found.sweeps)]
+    for f in found.frames:
         files += [p for p in (f.semantic_path, f.instance_path, f.mask_path) if p is not None]
         files += [f.image_path] if f.image_bytes is None else []
     if "segmenter" in settings.networks:

@@ -12,7 +12,6 @@ from pathlib import Path
 from unveil_core.base.errors import ConfirmError, InUseError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.kernels.device import check_device
 from unveil_core.base.progress import Progress
-from unveil_core.drives import open_drive
 from unveil_core.drives.checks.findings import Finding, worst_first
 from unveil_core.drives.checks.look_over import looked_over
 from unveil_core.drives.drive import Drive
@@ -26,6 +25,7 @@ from unveil_core.pipeline.forecasting import expected_of
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.other_drive import check_same_drive
 from unveil_core.pipeline.output_place import check_place
+from unveil_core.pipeline.outside import opened, opened_once
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
@@ -47,6 +47,7 @@ def stage_named(name: str) -> Stage:
     return next(s for s in STAGES if s.name == name)
 
 
+@opened_once()
 def run(
     drive: str | Path,
     workspace: str | Path,
@@ -140,37 +141,37 @@ def look_at(
         raise SettingsError(f"Not a stage: {until!r}", mend=f"use one of {', '.join(names)}")
     stages = STAGES[: names.index(until) + 1] if until else STAGES
     check_place(Path(workspace), [Path(drive)])
-    opened = open_drive(drive, settings.drive_options)
+    read = opened(drive, settings.drive_options)
     first = not Workspace.may_be(workspace)
     if not first and not replace:
-        check_same_drive(Workspace.open(workspace), Path(drive), opened)
+        check_same_drive(Workspace.open(workspace), Path(drive), read)
     checked = None
     if first:
         # Before anything is made: whether the drive is whole and the selection selects something.
-        checked = check_drive(opened, _every_second(reporter))
-    labels = labels_come_from(opened, settings)
+        checked = check_drive(read, _every_second(reporter))
+    labels = labels_come_from(read, settings)
     # Before the choice is made, and where labels only come with the import, nothing can be checked.
     if first and until not in ("import", "objects") and labels in ("drive", "nothing"):
         marked = {m.id for m in marked_objects(settings.marked)}
         listed = [i for i in settings.instances if i not in marked]
         all_marked = labels == "nothing" and marked and not settings.instances
         if listed or settings.remove or not (settings.instances or all_marked):
-            choose_labels(opened, settings.remove, listed)
+            choose_labels(read, settings.remove, listed)
     if settings.keyframes:
-        named_frames(opened.frames, settings.keyframes)
-    bare = has_no_points(opened)  # the import finds some: what needs points waits for them
+        named_frames(read.frames, settings.keyframes)
+    bare = has_no_points(read)  # the import finds some: what needs points waits for them
     height = None if bare else settings.camera_height
-    placed = place_drive(opened, scale=settings.scale, up=settings.up, camera_height_m=height)
-    findings = [] if checked is None else found_wrong(opened, placed, settings, checked)
+    placed = place_drive(read, scale=settings.scale, up=settings.up, camera_height_m=height)
+    findings = [] if checked is None else found_wrong(read, placed, settings, checked)
     level = "warning" if placed.surprising else "notice"
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
     if bare:
         notices = [Notice("import", NO_POINTS, "notice")]
-    notices += [Notice("import", line, "warning") for line in (*opened.notices, *colour_notices(opened.frames))]
+    notices += [Notice("import", line, "warning") for line in (*read.notices, *colour_notices(read.frames))]
     notices += [] if not findings else [_worst(findings)]
     if labels == "nothing" and settings.marked is None:
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))
-    return Begun(opened, placed, stages, first, tuple(findings), tuple(notices))
+    return Begun(read, placed, stages, first, tuple(findings), tuple(notices))
 
 
 def found_wrong(drive: Drive, placed: Placement, settings: RunSettings, checked: Checked) -> list[Finding]:

@@ -48,6 +48,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.forecasting import Expected
 from unveil_core.pipeline.mechanisms import of_stage
+from unveil_core.pipeline.outside import let_go
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import (
     SCRATCH,
@@ -174,6 +175,8 @@ def run_stages(
             reporter(workspace.log(notice.stage, notice.message, level=notice.level, **dict[str, Any](notice.details)))
         for stage in stages:
             _check_inputs(stage, workspace)
+            if stage.inputs:
+                let_go()
             wanted = input_hash(stage, workspace, settings, drive, digests)
             all_recorded = workspace.state().get("stages", {})
             recorded, follows = all_recorded.get(stage.name, {}), _follows(stage, all_recorded)

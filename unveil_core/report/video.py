@@ -15,6 +15,7 @@ from PIL import Image
 from unveil_core.base.disk.new_files import new_file
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import LEAST_ROOM, move
+from unveil_core.base.parallel import each
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Picture
@@ -100,9 +101,13 @@ def _pairs(root: Path, frames: list[Frame], height: int, progress: Progress) -> 
     tall = max(2, height // 2 * 2)
     wide = max(2, round(camera.width * tall / camera.height) // 2 * 2)
     gap = np.full((tall, GAP_PX, 3), 255, dtype=np.uint8)
-    for done, frame in enumerate(frames):
-        both = [fitted(p, (wide, tall)) for p in (read_image(frame.image_path), read_delivered(root, frame))]
-        yield np.concatenate([both[0], gap, both[1]], axis=1)
+
+    def pair(frame: Frame) -> Picture:
+        before, after = (fitted(p, (wide, tall)) for p in (read_image(frame.image_path), read_delivered(root, frame)))
+        return np.concatenate([before, gap, after], axis=1)
+
+    for done, picture in enumerate(each(pair, frames)):
+        yield picture
         progress(done + 1, len(frames), "writing the movie")
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, FrameLabels, PointCloud
 from unveil_core.drives.imported import pose_facts
 from unveil_core.drives.importing.colours import colour_notices
@@ -16,6 +15,7 @@ from unveil_core.drives.importing.frames import labels_at_work_size
 from unveil_core.drives.importing.whole_drive import import_drive, write_labels
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.labelling.boxes_of_points import points_have_classes, with_boxes_of_points
+from unveil_core.pipeline.outside import opened
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.solve.points.of_drive import found_points, has_no_points
@@ -36,7 +36,7 @@ def run(context: StageContext) -> Facts:
     """drive/: undistorted, in metres with z up, with labels where the drive has what they follow from."""
     settings = context.settings
     side = work_side_of(settings)
-    drive = open_drive(context.drive, settings.drive_options)
+    drive = opened(context.drive, settings.drive_options)
     drive = _with_points(drive, context)
     placement = place_drive(drive, scale=settings.scale, up=settings.up, camera_height_m=settings.camera_height)
     folder = context.output("drive")

@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -76,15 +77,16 @@ def flight_cameras(way: Way, width: int = WIDTHS[1]) -> list[Camera]:
 
 
 def flight(surfels: Surfels, sky: Sky, cameras: list[Camera], progress: Progress) -> bytes:
-    """The scene from all ``cameras``, an MP4; a picture is drawn, encoded and forgotten.
+    """The scene from all ``cameras``, an MP4; pictures are drawn several at a time, encoded and forgotten.
 
     Raises:
         ImportError: PyAV is not installed.
     """
 
     def pictures() -> Iterator[Picture]:
-        for done, camera in enumerate(cameras):
-            yield picture_of(surfels, sky, camera, near=NEAR_M, far=FAR_M)
+        drawn = each(lambda camera: picture_of(surfels, sky, camera, near=NEAR_M, far=FAR_M), cameras)
+        for done, picture in enumerate(drawn):
+            yield picture
             progress(done + 1, len(cameras), "flying along the street")
 
     return _encoded(pictures(), (cameras[0].width, cameras[0].height))
