@@ -97,10 +97,11 @@ def real() -> str:
                     f"{mean_se(all_of['psnr'])} dB",
                     mean_se(all_of["lpips"], 3),
                     lines,
+                    f"{all_of['tint']['mean']:.1f}",
                     *(f"{part['psnr']['mean']:.1f} dB" for part in (seen, unseen)),
                 )
             )
-    return table(("drive", "", "PSNR", "LPIPS", "lines found / false", "seen elsewhere", "never seen"), rows)
+    return table(("drive", "", "PSNR", "LPIPS", "lines found / false", "tint", "seen elsewhere", "never seen"), rows)
 
 
 def real_against() -> str:
