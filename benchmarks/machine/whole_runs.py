@@ -54,6 +54,12 @@ def whole_run(checkout: Path, drive: Path, options: list[str]) -> dict[str, Any]
     }
 
 
+def _at_dashes(words: list[str]) -> tuple[list[str], list[str]]:
+    """Words before the first ``--``, and those after it."""
+    at = words.index("--") if "--" in words else len(words)
+    return words[:at], words[at + 1 :]
+
+
 def main() -> None:
     """Run in turns, compare, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -61,20 +67,20 @@ def main() -> None:
     parser.add_argument("--before", type=Path, required=True, help="the repository as it was")
     parser.add_argument("--rounds", type=int, default=1)
     parser.add_argument("--name", help="of the drive, for the row; its folder's otherwise")
-    parser.add_argument("options", nargs="*", help="of unveil run, after --")
-    arguments = parser.parse_args()
+    given, options = _at_dashes(sys.argv[1:])
+    arguments = parser.parse_args(given)
     states = (arguments.before.resolve(), ROOT)
     for checkout in states:
         whole_run(checkout, SAMPLE, ["--quality", "draft"])
     runs: dict[Path, list[dict[str, Any]]] = {checkout: [] for checkout in states}
     for _ in range(arguments.rounds):
         for checkout in states:
-            runs[checkout].append(whole_run(checkout, arguments.drive.resolve(), arguments.options))
+            runs[checkout].append(whole_run(checkout, arguments.drive.resolve(), options))
             print(json.dumps(runs[checkout][-1]), flush=True)
     before, after = (min(found, key=lambda run: run["seconds"]) for found in runs.values())
     row = {
         "drive": arguments.name or arguments.drive.name,
-        "options": " ".join(arguments.options),
+        "options": " ".join(options),
         "share_of_time": round(after["seconds"] / before["seconds"], 3),
         "share_of_processor_time": round(after["processor_seconds"] / before["processor_seconds"], 3),
         "before": before,

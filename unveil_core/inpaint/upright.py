@@ -1,4 +1,4 @@
-"""Facades that were seen in part, completed stretch by stretch."""
+"""Facades, trunks and posts that were seen in part, completed stretch by stretch."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.by_stretch import StreetFill
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade, replaced_by
 from unveil_core.inpaint.facade.offsets import share_facing
+from unveil_core.inpaint.facade.stems import carried_down
 from unveil_core.inpaint.stretches import Stretch
 from unveil_core.raster.picture import render_numpy
+from unveil_core.semantics.classes import THIN_CLASSES
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["Completed", "complete_upright", "sky_behind"]
@@ -34,7 +36,7 @@ class Completed:
     """What completes things that were seen in part.
 
     Attributes:
-        walls: surfels of houses where something of them is missing; None where nothing is.
+        walls: surfels of houses, trunks and posts where something of them is missing; None where nothing is.
         curtains: surfels in facades' planes over which the sky goes on, None where none does.
         sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
             where something is.
@@ -97,6 +99,7 @@ class _Beside:
         """What the stretch owns of that: the arrays of :data:`COMPLETED` by name; (2,) whether houses stand on
         its ``sides``, and which of these are ``mended``; and indices ``displaced``."""
         told = self._houses()
+        self._add("walls", self._stems())
         arrays = {
             f"{name}.{key}": array
             for name, parts in self.found.items()
@@ -147,6 +150,15 @@ class _Beside:
             self._add("walls", invented.walls)
             self._add("curtains", invented.open if on("sky_over_facades") else None)
         return told
+
+    def _stems(self) -> Surfels | None:
+        """The hidden feet of trunks and posts."""
+        labels = self.fill.scene.labels
+        plants = labels.indices(("vegetation",))
+        standing, _ = self._of((*plants, *labels.indices(THIN_CLASSES)))
+        if not on("carried_stems") or not len(standing):
+            return None
+        return carried_down(standing, plants, self.fill.ground, self._views(()))
 
     def _views(self, labels: Sequence[int]) -> Sequence[FacadeView]:
         """What the frames that see the stretch show of upright surfaces of some ``labels``."""

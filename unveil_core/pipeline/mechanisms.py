@@ -184,6 +184,10 @@ _LISTED = (
         ("inpaint.facade.facade_chart", "inpaint.facade.wall_fill", "inpaint.facade.offsets"),
         "facades are completed by other parts of themselves, and the sky over them",
     ),
+    Mechanism(
+        "carried_stems", "inpaint", ("inpaint.facade.stems",),
+        "trunks and posts go on down to the ground where cars hide their feet",
+    ),
     Mechanism("sky_over_facades", "inpaint", ("inpaint.upright:sky_behind",), "the sky over facades goes on behind what hid it"),
     Mechanism(
         "replaced_walls", "inpaint", ("inpaint.facade.facade_chart:replaced_by",),
