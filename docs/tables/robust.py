@@ -70,11 +70,12 @@ def stage_costs() -> str:
                 frames,
                 f"{before['seconds'] / frames:.2f} s",
                 f"{after['seconds'] / frames:.2f} s",
+                *(f"{of['main_seconds'] / frames:.2f} s" if "main_seconds" in of else None for of in (before, after)),
                 f"{before['peak_memory_mb']:,} MB",
                 f"{after['peak_memory_mb']:,} MB",
             )
         )
-    head = ("stage", "frames", "a frame before", "after", "peak memory before", "after")
+    head = ("stage", "frames", "a frame before", "after", "on one thread", "after", "peak memory before", "after")
     return table(head, rows)
 
 

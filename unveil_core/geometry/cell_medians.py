@@ -29,15 +29,23 @@ def cell_medians(
     """
     if not len(cells):
         return cells, np.zeros(0)
-    order = np.lexsort((values, cells))
-    ranked = values[order]
-    every, first, count = np.unique(cells[order], return_index=True, return_counts=True)
+    order = np.argsort(values)
+    order = order[np.argsort(_narrow(cells)[order], kind="stable")]
+    ranked, sorted_cells = values[order], cells[order]
+    first = np.flatnonzero(np.concatenate([[True], sorted_cells[1:] > sorted_cells[:-1]]))
+    every, count = sorted_cells[first], np.diff(first, append=len(cells))
     told = count >= fewest
     if together != np.inf:
         told &= _at_share(ranked, first, count, 0.75) - _at_share(ranked, first, count, 0.25) < together
     first, count = first[told], count[told]
     medians = (ranked[first + (count - 1) // 2] + ranked[first + count // 2]) / 2
     return every[told], np.where(np.isnan(ranked[first + count - 1]), np.nan, medians)
+
+
+def _narrow(cells: NDArray[np.int64]) -> NDArray[np.integer]:
+    """Cells (N,) as numbers of 16 bits from 0 on, which are sorted several times as fast, where that is possible."""
+    lowest = cells.min()
+    return (cells - lowest).astype(np.uint16) if cells.max() - lowest < 1 << 16 else cells
 
 
 def _at_share(ranked: Float64, first: NDArray[np.int64], count: NDArray[np.int64], share: float) -> Float64:

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from tests.inpaint.walls import before_wall, task_of, wall_without
+from unveil_core.base.parallel import threads
 from unveil_core.inpaint.frames import holes as frame_holes
 from unveil_core.inpaint.frames import propagate
 from unveil_core.inpaint.frames.holes import Hole, background_layers, hole_in_frame, open_hole
@@ -41,7 +42,8 @@ def paint(cameras, times, order: str, given=None) -> tuple[list[Painted], list[H
     painter = Painter()
     painted: dict[int, Painted] = {}
     scene = RemainingScene(WALL, SKY, None, 1)
-    seeds = propagate_inpainting(tasks, scene, painter, painted.setdefault, plan=plan)  # type: ignore[arg-type]
+    with threads(1):  # this painter counts its calls
+        seeds = propagate_inpainting(tasks, scene, painter, painted.setdefault, plan=plan)  # type: ignore[arg-type]
     assert seeds is not None and len(painted) == len(tasks)
     return [painted[i] for i in range(len(tasks))], holes, painter
 
@@ -49,6 +51,33 @@ def paint(cameras, times, order: str, given=None) -> tuple[list[Painted], list[H
 def inner_colors(painted: list[Painted], holes: list[Hole]) -> NDArray[np.float64]:
     """(N, 3) mean colour of each frame's hole."""
     return np.stack([p.image[h.mask].mean(axis=0) for p, h in zip(painted, holes, strict=True)])
+
+
+def by_place(image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """An inpainter whose colour tells the hole, whoever asks first."""
+    rows, columns = np.nonzero(mask)
+    told = (int(rows.sum()) % 251, int(columns.sum()) % 251, len(rows) % 251)
+    return np.where(mask[..., None], np.array(told, np.uint8), image)
+
+
+def test_frames_that_are_begun_together_are_what_they_are_one_after_the_other() -> None:
+    # The user's keyframe looks past the window: the first frame of the others invents it, and those begun with it must not.
+    cameras = [*(before_wall(0.15 * i, 4.0 - 0.3 * i) for i in range(4)), before_wall(9.0, 4.0)]
+    tasks = [task_of(camera, WINDOW) for camera in cameras]
+    holes = [open_hole(task, WALL, None) for task in tasks]
+    plan = plan_keyframes(holes, range(5), order="reverse", given=[4])
+    scene, found = RemainingScene(WALL, SKY, None, 1), []
+    for count in (1, 3):
+        painted: dict[int, Painted] = {}
+        with threads(count):
+            seeds = propagate_inpainting(tasks, scene, by_place, painted.setdefault, plan=plan)  # type: ignore[arg-type]
+        assert seeds is not None and sorted(painted) == list(range(5))
+        found.append((painted, seeds))
+    (alone, own), (together, theirs) = found
+    assert all(np.array_equal(own.arrays()[name], theirs.arrays()[name]) for name in own.arrays())
+    for i in range(5):
+        assert np.array_equal(alone[i].image, together[i].image)
+        assert np.array_equal(alone[i].origin, together[i].origin)
 
 
 @pytest.mark.parametrize(("order", "first"), [("reverse", 2), ("forward", 0)])

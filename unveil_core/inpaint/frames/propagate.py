@@ -40,6 +40,7 @@ from unveil_core.inpaint.frames.layered_fill import fill_in_layers
 from unveil_core.inpaint.frames.local_light import in_local_light
 from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
+from unveil_core.inpaint.single_image.onnx_models import OnnxSingleImage
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter, exemplar, fill_around
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered
@@ -159,7 +160,9 @@ def propagate_inpainting(
             surfels = concatenate([scene.surfels, *seeds])
         progress(done + 1, total, "inpainting keyframes")
     rest = [index for index in plan.visit_order if index not in finished]
-    several = references is None
+    # Networks take memory for each picture at work, and use all cores for one.
+    together = references is None and not isinstance(single_image, OnnxSingleImage)
+    several = together
     while rest:
         known = partial(painter.paint, surfels=surfels, least_px=LEAST_SEEDS_PX)
 
@@ -174,7 +177,7 @@ def propagate_inpainting(
             new = finish(index, paint if first is None else partial(_painted_over, first, paint))
             rest = rest[1:]
             progress(total - len(rest), total, "inpainting")
-            several = not new and references is None
+            several = together and not new
             if new:
                 seeds += new
                 surfels = concatenate([scene.surfels, *seeds])
