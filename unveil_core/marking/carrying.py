@@ -44,13 +44,14 @@ def carried(
         outline: gives the pixels (H, W) of an object in a frame, by its index, by what geometry and the person say of it there.
     """
     own = first_points(drive, points, prompts)
-    if not points.measured or not _tell_its_shape(drive, points, own, prompts):
+    told = _tell_its_shape(drive, points, own, prompts)
+    if not points.measured or not told:
         count = iter(range(1, len(drive.frames) * (1 + len(prompts.frames))))
 
         def one_more() -> None:
             progress(min(next(count), len(drive.frames)), len(drive.frames), f"outlining {prompts.name}")
 
-        return followed(drive, image, points, prompts, outline, one_more)
+        return followed(drive, image, points, prompts, outline, own if told else None, one_more)
     found = []
     for v, frame in enumerate(drive.frames):
         seeds = seeds_of(frame.camera, points, own, points.views[v]) if own.any() else None

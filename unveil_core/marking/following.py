@@ -18,9 +18,11 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import disc, within
-from unveil_core.marking.asked.prompts import Prompts
+from unveil_core.labelling.outlines import joined
+from unveil_core.marking.asked.prompts import Prompt, Prompts
 from unveil_core.marking.outline import Outliner
-from unveil_core.marking.seeds import Seeds
+from unveil_core.marking.seeds import Seeds, seeds_of
+from unveil_core.marking.space.clustering import clicked_points
 from unveil_core.marking.space.scene_points import ScenePoints
 
 __all__ = ["followed"]
@@ -36,6 +38,11 @@ FEWEST_POINTS, NEAR_SIDE = 5, 0.4
 NEAREST_FOOT = 0.25
 """Of the distances at which the columns of an outline meet the ground, this share is nearer than where the object stands: a car is
 seen by its near end, and columns without a wheel meet the ground farther away."""
+LENGTH_M, COARSE = 6.5, 0.25
+"""Points farther before or behind the clicked ones than this, metres, and than this share of the distance, are of something else:
+no vehicle is longer but one that is clicked at both ends."""
+DOT = 0.004
+"""Radius of what such points take from an outline, a share of the picture's width; lone ones take nothing, for some are wrong."""
 NEAREST_M = 1.0
 """Between frames the camera comes no nearer to the plane than this, metres."""
 
@@ -46,6 +53,7 @@ def followed(
     points: ScenePoints,
     prompts: Prompts,
     outline: Outliner,
+    own: Mask | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> Sequence[Mask]:
     """(H, W) per frame the pixels of an object: from each frame that a person says something of, on and back along the way, up to
@@ -55,11 +63,14 @@ def followed(
         image: gives the photograph (H, W, 3) of a frame, by its index.
         points: of the scene; prompts: what the person says.
         outline: see :data:`~unveil_core.marking.outline.Outliner`.
+        own: (P,) points of the object, as far as which it reaches; None = they do not tell.
         progress: called per frame.
     """
     found = [np.zeros((f.camera.height, f.camera.width), dtype=bool) for f in drive.frames]
     for v, prompt in prompts.frames.items():
         found[v] = outline(v, None, prompt)
+        if prompt.matte is None:
+            found[v] = _bounded(found[v], drive.frames[v].camera, points, v, prompt, own)
         progress()
     engine = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     for v in prompts.frames:
@@ -83,6 +94,30 @@ def followed(
                 last, depth = k, nearer
                 progress()
     return found
+
+
+def _bounded(mask: Mask, camera: Camera, points: ScenePoints, v: int, prompt: Prompt, own: Mask | None) -> Mask:
+    """(H, W) an outline by colours without what points say is something else, and without what hangs on it by that alone.
+
+    Args:
+        own: (P,) see :func:`followed`.
+    """
+    said, seen = prompt.own(mask.shape), points.views[v]
+    elsewhere = np.zeros(mask.shape, dtype=bool)
+    hit, _ = clicked_points(points, seen, prompt.inside, camera.width)
+    if len(hit):
+        there = seen.depth[np.isin(seen.index, hit)]
+        depth, length = float(np.median(there)), LENGTH_M + float(np.ptp(there))
+        far = points.standing[seen.index] & (np.abs(seen.depth - depth) > max(length, COARSE * depth))
+        elsewhere[seen.rows[far], seen.columns[far]] = True
+        radius = DOT * camera.width
+        elsewhere = cv2.morphologyEx(within(elsewhere, radius).astype(np.uint8), cv2.MORPH_OPEN, disc(2 * radius)) > 0
+    seeds = None if own is None else seeds_of(camera, points, own, seen)
+    if seeds is not None:
+        reached = np.zeros(mask.shape, dtype=bool)
+        reached[seeds.window] = within(seeds.likely, 1 + BORDER * seeds.size)
+        elsewhere |= ~reached
+    return joined(mask & (~elsewhere | said), said) if said.any() else mask
 
 
 def _moved(

@@ -39,8 +39,10 @@ ALIKE_FOCAL, NEARLY = 0.03, 0.97
 """Two starts agree whose focal lengths differ by less. Of those that place about as many frames the one of least error counts."""
 FREER = ((True, False), (False, True), (True, True))
 """Lenses that are tried: whether they bend, and whether their centre is free."""
-GAIN = 0.03
-"""Each of them is taken where it lowers the error by so large a share."""
+GAIN, CENTRE_GAIN = 0.03, 0.003
+"""Each of them is taken where it lowers the error by so large a share; at last a free centre where it lowers what is left by the
+second. A picture cut out of a larger one (KITTI 0005) gains 0.5 %: its centre comes out right to 3 pixels of 15, and the street
+level, which rises by 1 in 50 otherwise. Where the centre is in the middle, or the way too straight to tell, 0.02 % are gained."""
 
 
 def map_frames(
@@ -137,6 +139,7 @@ class _Work:
             "nearly": NEARLY,
             "least_angle": LEAST_ANGLE_DEG,
             "gain": GAIN,
+            "centre_gain": CENTRE_GAIN,
             "lenses": FREER,
             "always_bent": lens != "simple",
             "starts": _starts(self.reels, self.looked.chosen, self.focal, lens),
