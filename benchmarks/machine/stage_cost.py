@@ -6,8 +6,8 @@ CHECKOUT is the repository as it was, for instance a `git worktree`. Each run is
 a stage of a finished workspace with a folder of its own for what it writes; the workspace stays as it is. The sum over all threads
 counts, of user and system: it depends little on what else the machine does. Of these, `main_seconds` are those of the thread that
 called the stage: what is not shared out is all there, what is shared out half of it. Before anything counts each runs once, so that
-all kernels are compiled. Of the rounds the least is kept. Rows in benchmarks/results/stage_cost.json of the same drive and stage are
-replaced.
+all kernels are compiled. Of the rounds the least is kept. Rows in benchmarks/results/stage_cost.json of the same drive and stage
+are replaced.
 """
 
 from __future__ import annotations
