@@ -269,6 +269,7 @@ PARTS = {
         "long stages": robust.long_stages,
         "threads": robust.threads,
         "stage costs": robust.stage_costs,
+        "whole runs": robust.whole_runs,
         "batch": robust.batch,
         "import memory": robust.import_memory,
         "mesh fusion": robust.mesh_fusion,

@@ -17,7 +17,7 @@ __all__ = [
     "kills",
     "long_drives",
     "long_stages",
-] + ["mesh_fusion", "stage_costs", "threads"]
+] + ["mesh_fusion", "stage_costs", "threads", "whole_runs"]
 LABELS = {
     "drive": "the drive's own",
     "dataset": "the dataset's segmentation",
@@ -77,6 +77,17 @@ def stage_costs() -> str:
         )
     head = ("stage", "frames", "a frame before", "after", "on one thread", "after", "peak memory before", "after")
     return table(head, rows)
+
+
+def whole_runs() -> str:
+    """Whole runs before and after changes, by wall time."""
+    rows = []
+    for row in results("whole_runs")["rows"]:
+        before, after = row["before"], row["after"]
+        shown = (f"{of['seconds']:.0f} s" for of in (before, after))
+        memory = (f"{of['peak_memory_mb']:,} MB" for of in (before, after))
+        rows.append((row["drive"], *shown, f"{row['share_of_time']:.2f}", *memory))
+    return table(("run", "before", "after", "share", "peak memory before", "after"), rows)
 
 
 def threads() -> str:
