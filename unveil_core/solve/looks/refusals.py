@@ -21,8 +21,9 @@ FEWEST_FRAMES = 6
 """With fewer, one wrong match decides."""
 STOOD_PX = 1.5
 """Largest median motion between any two frames of a camera that stands, pixels of a small picture."""
-FEWEST_CORNERS = 60
-"""Corners that are followed between two frames that are solved, at the median; with fewer the solve breaks."""
+FEWEST_CORNERS = 40
+"""Corners that are followed between two frames that are solved, at the median; with fewer the solve breaks. Photographs taken on
+foot that keep 54 are solved to 0.3 % of their way."""
 HELD_PX = 0.5
 """Distance from the line on which the camera's motion allows a corner."""
 DARK, DIM = 20.0, 45.0
