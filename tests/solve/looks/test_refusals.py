@@ -59,11 +59,18 @@ def test_night() -> None:
         looked_at(dark)
 
 
-def test_a_bare_wall() -> None:
+@pytest.mark.parametrize(
+    ("radius", "told"),
+    [
+        (40, "films a single wall"),
+        (24, "Too little can be tracked: .* corners .*more frames a second"),
+    ],
+)
+def test_a_bare_wall(radius: int, told: str) -> None:
     walls = [np.full((200, 320), 120, np.uint8) for _ in range(10)]
     for k, wall in enumerate(walls):
-        cv2.circle(wall, (60 + 14 * k, 100), 40, 170, -1)
-    with pytest.raises(DriveError, match="Too little can be tracked: .* corners .*more frames a second"):
+        cv2.circle(wall, (60 + 14 * k, 100), radius, 170, -1)
+    with pytest.raises(DriveError, match=told):
         looked_at([cv2.GaussianBlur(w, (0, 0), 3) for w in walls])
 
 
