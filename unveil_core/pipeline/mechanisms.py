@@ -190,6 +190,10 @@ _LISTED = (
     ),
     Mechanism("sky_over_facades", "inpaint", ("inpaint.upright:sky_behind",), "the sky over facades goes on behind what hid it"),
     Mechanism(
+        "carried_facades", "inpaint", ("inpaint.facade.offsets:carried_on", "inpaint.facade.facade_chart:where_hidden"),
+        "facades go on where something hides that they do",
+    ),
+    Mechanism(
         "replaced_walls", "inpaint", ("inpaint.facade.facade_chart:replaced_by",),
         "surfels of walls go where these are completed",
     ),

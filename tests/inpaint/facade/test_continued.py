@@ -168,3 +168,44 @@ def test_what_was_left_behind_a_car_makes_room_for_the_completed_facade() -> Non
         places, np.zeros((count, 3), np.uint8), np.zeros(count, np.int64), np.zeros((count, 3)), np.full(count, 0.1)
     )
     assert replaced_by(chart, filled, left).tolist() == [True, True, False, False, False, False]
+
+
+def test_behind_a_lorry_the_facade_goes_on_to_its_eaves() -> None:
+    """Nothing is seen of the second half of a row of houses 7 m high. Behind a car, what is seen over it is no house, and none is
+    put there."""
+    ground, cameras = street(np.inf)
+    lorry = np.array([[13.0, 2.2, 0.0], [19.0, 4.8, 6.0]])
+    views = [FacadeView(c, *view(c, lorry)) for c in cameras[:3]]
+    chart = read_facade(ground, houses(np.inf, 0.0, 15.0), views, left=True, texel_m=0.1)
+    assert chart is not None
+    found = invented_facades(chart, label=3, sh_degree=1)
+    assert found.walls is not None and found.open is not None
+    places, above = (p.means.double().numpy() for p in (found.walls, found.open))
+    behind = places[:, 0] > 17
+    assert np.abs(places[:, 1] - FACADE_T).max() < 0.2
+    assert places[behind, 0].max() > 22 and 6.5 < places[behind, 2].max() < 7.3
+    assert above[:, 2].min() > 6.7 and above[:, 2].max() > 7.5
+    views = [FacadeView(c, *view(c, lorry * (1, 1, 0.25))) for c in cameras[:3]]
+    chart = read_facade(ground, houses(np.inf, 0.0, 15.0), views, left=True, texel_m=0.1)
+    assert chart is not None
+    assert not np.isfinite(chart.offset[chart.s_start + 0.1 * np.arange(len(chart.offset)) > 17]).any()
+
+
+def test_where_some_frame_looks_past_the_place_no_facade_goes_on() -> None:
+    """Behind the lorry is a gap: earlier frames show, low down, what lies far behind it."""
+    ground, cameras = street(np.inf)
+    lorry = np.array([[13.0, 2.2, 0.0], [19.0, 4.8, 6.0]])
+
+    def views(*, past: bool) -> list[FacadeView]:
+        """All see the lorry; with ``past``, so does one that drove before the lorry came, and saw a meadow beyond the houses."""
+        found = [FacadeView(c, *view(c, lorry)) for c in cameras[:3]]
+        image, wall, sky, depth, hidden = view(cameras[0], lorry - (0, 50, 0))
+        beyond = wall & (cameras[0].unproject(np.where(wall, depth, 1.0))[..., 0] > 15)
+        depth[beyond], wall[beyond] = FAR, False
+        return [*found, FacadeView(cameras[0], image, wall, sky, depth, hidden)] if past else found
+
+    for past in (False, True):
+        chart = read_facade(ground, houses(np.inf, 0.0, 15.0), views(past=past), left=True, texel_m=0.1)
+        assert chart is not None
+        carried = np.isfinite(chart.offset[chart.s_start + 0.1 * np.arange(len(chart.offset)) > 17]).any()
+        assert carried != past

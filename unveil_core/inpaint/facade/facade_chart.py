@@ -20,7 +20,7 @@ from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.surface import shown_places, surfels_on
 from unveil_core.inpaint.chart.texels import Texels
-from unveil_core.inpaint.facade.offsets import facade_offsets, fanned_out
+from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, facade_offsets, fanned_out
 from unveil_core.inpaint.facade.wall_fill import fill_wall
 from unveil_core.surfels.surfels import Surfels
 
@@ -30,6 +30,9 @@ TOP_M, HIGHEST_M = 6.0, 16.0
 """Height of the charts, metres: what a car or a van hides; and up to where they reach if something close by hides more."""
 COARSE_M = 0.25
 """Size of the texels by which it is found how high the chart must be, metres."""
+EAVES_M, MOSTLY = 3.0, 0.8
+"""Height up to which a facade of which nothing was seen must be hidden to be carried on from those beside it, metres, and how much
+of it: a car hides half of that, and what is seen over it is no house."""
 AGREE_M, AGREE = 0.3, 0.04
 """Difference between the scene's depth and the facade's up to which a pixel shows the facade, metres plus a share of the depth:
 its relief, and the error of rendered depth. Chosen on the two sample streets."""
@@ -154,9 +157,10 @@ def read_facade(
     offset[fanned_out(ground, s, offset)] = np.nan
     if not np.isfinite(offset).any():
         return None
-    step = max(1, round(COARSE_M / texel_m))
-    coarse = read_views(empty_chart(ground, s[::step], offset[::step], HIGHEST_M), views, reach_m)
-    lacks = coarse.unseen.any(axis=0)
+    coarse, hidden = where_hidden(ground, s, offset, views, reach_m)
+    offset = carried_on(offset, hidden, texel_m)
+    offset[fanned_out(ground, s, offset)] = np.nan
+    lacks = coarse.unseen[np.isfinite(offset[:: _coarser(texel_m)])].any(axis=0)
     top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M  # type: ignore[index]
     return read_views(empty_chart(ground, s, offset, top), views, reach_m)
 
@@ -166,6 +170,32 @@ def rows_between(ground: Ground, along: tuple[float, float], texel_m: float) -> 
     end = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
     s = np.arange(ground.s_start, end, texel_m)
     return s[(s >= along[0]) & (s < along[1])]
+
+
+def where_hidden(
+    ground: Ground,
+    s: Float64,
+    offset: Float64,
+    views: Sequence[FacadeView],
+    reach_m: float,
+) -> tuple[FacadeChart, Mask]:
+    """What the views show as if something stood everywhere, in coarse texels; and (A,) where something removed hides that so far up
+    that nothing tells whether it stands there.
+
+    Args:
+        s, offset: (A,) of what stands somewhere, NaN elsewhere.
+    """
+    known, factor = np.flatnonzero(np.isfinite(offset)), _coarser(float(s[1] - s[0]))
+    everywhere = np.interp(np.arange(len(s)), known, offset[known])
+    coarse = read_views(empty_chart(ground, s[::factor], everywhere[::factor], HIGHEST_M), views, reach_m)
+    low, high = (int(h * coarse.per_m) for h in (LOW_M, EAVES_M))
+    hidden = coarse.unseen[:, low:high].mean(axis=1) >= MOSTLY
+    return coarse, np.repeat(hidden, factor)[: len(s)]
+
+
+def _coarser(texel_m: float) -> int:
+    """How many texels of a chart are a coarse one."""
+    return max(1, round(COARSE_M / texel_m))
 
 
 def empty_chart(ground: Ground, s: Float64, offset: Float64, top: float) -> FacadeChart:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float64, Mask
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["LOW_M", "facade_offsets", "fanned_out", "share_facing"]
+__all__ = ["LOW_M", "carried_on", "facade_offsets", "fanned_out", "share_facing"]
 
 BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 """Spacing along s at which the facade's offset is found, half length of the stretch whose surfels count for it, metres, and
@@ -27,10 +28,15 @@ BESIDE_M = 20.0
 streets. Only the share of walls that face the street goes by it."""
 LONG_M = 2.5
 """Shortest facade along s, metres: shorter things that are labelled as building are posts and pillars."""
+TOUCH_M = 1.5
+"""Length of what is hidden neither way, metres, over which a facade still runs into the hidden stretch behind it."""
 FAN, ALONG_M = 2.0, 0.5
 """How many times longer than the path the line beside it may be on which a facade stands, and the length over which that
 is measured, metres. In a corner all of a side street's mouth is a metre of the path, and its rows are slits between lengths of
 facade that stand for nothing."""
+CARRIED_M = 20.0
+"""Distance along s over which a facade goes on behind something that hides it to the eaves, metres: the length of an articulated
+lorry, from either end half of it and as much again for the angle at which it is seen."""
 
 
 def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) -> Float64:
@@ -122,4 +128,29 @@ def _without_spikes(offset: Float64, half: int) -> Float64:
     known = np.isfinite(offset)
     result = offset.copy()
     result[known] = np.nanmedian(around[known], axis=1)
+    return result
+
+
+def carried_on(offset: Float64, hidden: Mask, texel: float) -> Float64:
+    """Offsets (A,) ``texel`` metres apart, those of ``hidden`` (A,) stretches like that of the facade that runs into them.
+
+    A facade that was seen to end before is not carried on; of two, each place gets the nearer one's, at most ``CARRIED_M``
+    away.
+    """
+    result = offset.copy()
+    if not on("carried_facades"):
+        return result
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden & ~np.isfinite(offset), [0]]).astype(np.int8)))
+    touch, farthest = max(1, round(TOUCH_M / texel)), CARRIED_M / texel
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        rows = np.arange(first, last)
+        distance = np.full((2, last - first), np.inf)
+        value = np.full(2, np.nan)
+        for side, beside in enumerate((offset[max(0, first - touch) : first][::-1], offset[last : last + touch])):
+            known = np.flatnonzero(np.isfinite(beside))
+            if len(known):
+                value[side] = beside[known[0]]
+                distance[side] = rows - first if side == 0 else last - 1 - rows
+        nearest = distance.argmin(axis=0)
+        result[rows] = np.where(distance.min(axis=0) <= farthest, value[nearest], np.nan)
     return result
