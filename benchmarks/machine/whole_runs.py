@@ -23,6 +23,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.real_drives.trees import environment_of  # noqa: E402
 from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine, program_commit  # noqa: E402
 
@@ -40,7 +41,7 @@ def whole_run(checkout: Path, drive: Path, options: list[str]) -> dict[str, Any]
             cwd=folder,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": str(checkout), "PYTHONSAFEPATH": "1", "OMP_WAIT_POLICY": "PASSIVE"},
+            env=environment_of(checkout),
         )
         seconds, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
         stages = json.loads((Path(folder) / "ws/workspace.json").read_text())["stages"]

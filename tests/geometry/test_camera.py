@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -47,3 +49,17 @@ def test_shown_points_are_those_that_fall_into_the_picture(seed: int, count: int
     np.testing.assert_array_equal(index, expected)
     np.testing.assert_allclose(found, pixels[expected], atol=1e-9)
     np.testing.assert_allclose(away, depth[expected], atol=1e-12)
+
+
+def test_a_homography_takes_what_lies_on_a_plane_to_where_another_camera_shows_it() -> None:
+    here = Camera(64, 48, 50.0, 55.0, 31.0, 25.5, np.eye(4))
+    there = replace(here.moved(right=0.4, up=-0.2, ahead=1.0), fx=60.0, cx=30.0)
+    normal, distance = np.array([0.0, 0.6, 0.8]), 4.0
+    found = here.homography(there, normal, distance)
+    assert found is not None
+    pixels = np.array([[10.0, 12.0], [50.0, 30.0], [33.0, 41.0]])
+    rays = here.rays_at(pixels)
+    at, depth = there.project(here.centre + rays * (distance / (rays @ normal))[:, None])
+    assert (depth > 0).all()
+    moved = np.column_stack([pixels - 0.5, np.ones(3)]) @ found.T
+    np.testing.assert_allclose(moved[:, :2] / moved[:, 2:] + 0.5, at, atol=1e-9)

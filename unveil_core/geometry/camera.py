@@ -47,6 +47,11 @@ class Camera:
         return self.width, self.height, self.fx, self.fy, self.cx, self.cy
 
     @property
+    def matrix(self) -> Float64:
+        """(3, 3) of pixels whose centres are whole numbers, as OpenCV counts."""
+        return np.array([[self.fx, 0, self.cx - 0.5], [0, self.fy, self.cy - 0.5], [0, 0, 1.0]])
+
+    @property
     def camera_to_world(self) -> Float64:
         """(4, 4) float64 inverse of :attr:`world_to_camera`, exact for a rigid transform."""
         return rigid_inverse(self.world_to_camera)
@@ -60,6 +65,18 @@ class Camera:
     def forward(self) -> Float64:
         """(3,) float64 unit viewing direction in the world."""
         return self.world_to_camera[2, :3].copy()
+
+    def homography(self, other: Camera, normal: Float64, distance: float) -> Float64 | None:
+        """(3, 3) from the pixels of this camera to those of another one, both as of :attr:`matrix`, of what lies on a plane; None
+        where it takes the first pixel to infinity (Hartley and Zisserman, *Multiple View Geometry*, 13.1).
+
+        Args:
+            normal: (3,) of the plane in this camera's axes, away from the camera; distance: of the plane from it.
+        """
+        to_other = other.world_to_camera @ self.camera_to_world
+        plane = to_other[:3, :3] + np.outer(to_other[:3, 3], normal) / distance
+        found = other.matrix @ plane @ np.linalg.inv(self.matrix)
+        return np.asarray(found / found[2, 2]) if abs(found[2, 2]) > 1e-9 else None
 
     def moved(self, *, right: float = 0.0, up: float = 0.0, ahead: float = 0.0) -> Camera:
         """The same camera so many metres (or units) to its right, up and ahead; negative the other way."""

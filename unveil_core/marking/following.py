@@ -144,17 +144,8 @@ def _moved(
 
 def _by_plane(here: Camera, there: Camera, depth: float | None) -> Float64:
     """(3, 3) from the pixels of a camera to those of another one, of a plane that faces the first; without a depth it stays."""
-    if depth is None:
-        return np.eye(3)
-    to_there = there.world_to_camera @ here.camera_to_world
-    plane = to_there[:3, :3] + np.outer(to_there[:3, 3], [0.0, 0.0, 1.0]) / depth
-    found = _matrix(there) @ plane @ np.linalg.inv(_matrix(here))
-    return np.asarray(found / found[2, 2]) if abs(found[2, 2]) > 1e-9 else np.eye(3)
-
-
-def _matrix(camera: Camera) -> Float64:
-    """Of pixels whose centres are whole numbers, as OpenCV counts."""
-    return np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1.0]])
+    found = None if depth is None else here.homography(there, np.array([0.0, 0.0, 1.0]), depth)
+    return np.eye(3) if found is None else found
 
 
 def _distance(mask: Mask, camera: Camera, points: ScenePoints, v: int) -> float | None:

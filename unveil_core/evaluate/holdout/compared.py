@@ -156,8 +156,7 @@ class PartSums:
         figures = {
             "psnr": psnr_of_mse(self.squared / self.pixels),
             "ssim": self.similar / self.pixels,
-            **({} if math.isnan(distance) else {"lpips": distance}),
-            **({} if math.isnan(self.tint) else {"tint": self.tint}),
+            **{name: value for name, value in (("lpips", distance), ("tint", self.tint)) if not math.isnan(value)},
             **{name: detail[name] for name in ("gradient", "line_recall", "false_lines")},
             "frames": self.frames,
         }

@@ -116,18 +116,10 @@ def _by_neighbour(
 
 def _of_plane(camera: Camera, other: Camera, ground: Ground) -> Float64 | None:
     """(3, 3) from where a camera shows the ground to where another one does, pixels with centres at whole numbers."""
-    to_other = other.world_to_camera @ camera.camera_to_world
     down = -(camera.world_to_camera[:3, :3] @ ground.up)
     if ground.height <= 0:
         return None
-    plane = to_other[:3, :3] + np.outer(to_other[:3, 3], down) / ground.height
-    found = _matrix(other) @ plane @ np.linalg.inv(_matrix(camera))
-    return np.asarray(found / found[2, 2]) if abs(found[2, 2]) > 1e-9 else None
-
-
-def _matrix(camera: Camera) -> Float64:
-    """Of pixels whose centres are whole numbers, as OpenCV counts."""
-    return np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1.0]])
+    return camera.homography(other, down, ground.height)
 
 
 def _moved(homography: Float64, columns: Float32, rows: Float32) -> tuple[Float32, Float32]:

@@ -65,8 +65,7 @@ def straightened(camera: Camera, lens: Distortion | None, longest: int = WORK_PX
     if lens is None or lens.is_zero:
         return Straightened(small, None, None)
     # OpenCV counts from the centre of the first pixel.
-    own = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1.0]])
-    new = np.array([[small.fx, 0, small.cx - 0.5], [0, small.fy, small.cy - 0.5], [0, 0, 1.0]])
+    own, new = camera.matrix, small.matrix
     size = (small.width, small.height)
     make = cv2.fisheye.initUndistortRectifyMap if lens.model == FISHEYE else cv2.initUndistortRectifyMap
     bent = np.asarray(lens.coefficients, dtype=np.float64)
