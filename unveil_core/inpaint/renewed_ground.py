@@ -32,7 +32,7 @@ class RenewedGround:
 
 
 def renew_ground(filled: FilledStreet, *, spacing_m: float) -> RenewedGround:
-    """New surfels for the filled ground, ``spacing_m`` metres apart."""
+    """New surfels for the filled ground, ``spacing_m`` metres apart across the street, see ``seed_ground``."""
     street = filled.street
     surfels, gone, labels = street.removal.surfels, street.removal.gone, street.scene.labels
     label, level = labels.index("road") or 0, 0.0 if street.light is None else street.light.level
@@ -45,9 +45,16 @@ def renew_ground(filled: FilledStreet, *, spacing_m: float) -> RenewedGround:
             local = surfels.select(torch.from_numpy(near))
             places = local.means.double().numpy()[gone[near]]
             masks = street.of_frames(stretch, street.views.removed)
-            anew = new_ground(chart, places, street.cameras_of(stretch), masks)
+            cameras = street.cameras_of(stretch)
+            anew = new_ground(chart, places, cameras, masks)
             seeds = seed_ground(
-                chart, anew, spacing=spacing_m, sh_degree=surfels.sh_degree, default_label=label, level=level
+                chart,
+                anew,
+                cameras,
+                spacing=spacing_m,
+                sh_degree=surfels.sh_degree,
+                default_label=label,
+                level=level,
             )
             old = displaced_by(chart, anew, local, labels.indices(GROUND_CLASSES))
             return {**seeds.arrays(), "displaced": near[old], "relit": near[ground_relit(chart, local)]}

@@ -144,7 +144,7 @@ def test_all_invented_ground_that_a_frame_must_show_gets_surfels(street, chart: 
     mask = invented.reshape(camera.height, camera.width)
     assert mask.sum() > 200
     region = texels_in_pixels(full, [camera, cameras[0]], [mask, np.zeros_like(mask)])
-    seeds = seed_ground(full, region, spacing=0.08, sh_degree=0, default_label=0)
+    seeds = seed_ground(full, region, [], spacing=0.08, sh_degree=0, default_label=0)
     alpha = render_numpy(seeds, camera, near=0.1, far=100.0)["alpha"]
     # The mask's border is not solid.
     assert (alpha[cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0] > 0.9).all()

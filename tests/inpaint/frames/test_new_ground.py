@@ -14,8 +14,10 @@ from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, 
 from unveil_core.inpaint.frames.holes import FrameTask, background_layers
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.light.relight import relighting_gain
+from unveil_core.raster.picture import picture_of
 from unveil_core.surfels.initialize import surfels_from_points
-from unveil_core.surfels.surfels import Surfels, concatenate
+from unveil_core.surfels.sky import Sky
+from unveil_core.surfels.surfels import Surfels, concatenate, rotations
 
 ROAD, HOUSE = 0, 1
 
@@ -49,9 +51,33 @@ def test_the_dark_under_a_car_goes_and_a_house_over_it_stays() -> None:
     assert displaced_by(chart, region, surfels, [ROAD]).tolist() == [True, True, False, False]
     far = new_ground(chart, np.array([[25.0, 4.0, 0.5]]), [], [])
     assert not far.any() and not displaced_by(chart, far, surfels, [ROAD]).any()
-    seeds = seed_ground(chart, region, spacing=0.1, sh_degree=0, default_label=ROAD)
+    close = drive_on_circle(np.inf, 0.0)[4].resized(2400, 1600)
+    seeds = seed_ground(chart, region, [close], spacing=0.1, sh_degree=0, default_label=ROAD)
     # They cover all that was taken away.
     assert len(seeds) > 100 and np.abs(seeds.means[:, :2] - torch.tensor(under)).norm(dim=1).min() < 0.1
+
+
+def test_ground_seen_from_afar_has_longer_surfels_in_the_same_colours() -> None:
+    """Across the street they stay as close; along it they follow the street, and cover it as before."""
+    chart = parked_chart()
+    stripes = np.where(np.arange(chart.color.shape[1]) % 16 < 8, 0.2, 0.7).astype(np.float32)
+    color = np.broadcast_to(stripes[None, :, None], chart.color.shape).copy()
+    chart = replace(chart, color=color, source=np.where(chart.source == OUTSIDE, OUTSIDE, INVENTED).astype(np.uint8))
+    here, sky = drive_on_circle(np.inf, 0.0, frames=1)[0], Sky(torch.full((3, 8, 16), 0.5), np.eye(3))
+    small = here.resized(60, 40)
+    s, t = chart.coordinates()
+    street = ((s > 8) & (s < 24))[:, None] & (np.abs(t) < 3)
+    fine, long = (
+        seed_ground(chart, street, [camera], spacing=0.1, sh_degree=0, default_label=ROAD)
+        for camera in (here.resized(38400, 25600), small)
+    )
+    assert len(long) < 0.3 * len(fine)
+    scales = [surfels.log_scales.exp().numpy() for surfels in (fine, long)]
+    assert np.isclose(*(float(scale.prod(axis=1).sum()) for scale in scales), rtol=1e-3)
+    assert np.allclose(scales[0], scales[1].min()) and np.isclose(scales[1].max() / scales[1].min(), 4)
+    assert np.abs(rotations(long.quats)[:, :, 0].numpy() @ [1, 0, 0] - 1).max() < 1e-3
+    shown = [picture_of(one, sky, small, near=0.2, far=100.0).astype(float) for one in (fine, long)]
+    assert np.abs(shown[0] - shown[1]).mean() < 1.0 < shown[0].std()
 
 
 def test_only_the_ground_is_relit() -> None:
@@ -71,7 +97,7 @@ def test_a_bush_goes_down_to_its_foot_and_what_a_car_left_does_not() -> None:
     layer = GroundLayer(whole, ground_labels=(ROAD,))
     everything = np.ones((camera.height, camera.width), bool)
     task = FrameTask(camera, np.zeros((*everything.shape, 3), np.uint8), everything, everything)
-    street = seed_ground(whole, np.ones_like(whole.source, bool), spacing=0.1, sh_degree=0, default_label=ROAD)
+    street = seed_ground(whole, np.ones_like(whole.source, bool), [], spacing=0.1, sh_degree=0, default_label=ROAD)
     shown = []
     for label in (ROAD, HOUSE):
         scene = concatenate([street, replace(box, labels=torch.full_like(box.labels, label))])

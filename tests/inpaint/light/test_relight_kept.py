@@ -24,7 +24,7 @@ def test_no_light_is_thrown_on_what_stays() -> None:
     gain[int(7 / TEXEL) : int(14 / TEXEL), int(5 / TEXEL) : int(9 / TEXEL)] = 1.5
     whole = replace(chart, gain=gain, source=np.full_like(chart.source, INVENTED))
     camera = drive_on_circle(np.inf, 0.0)[0].resized(108, 72)
-    street = seed_ground(whole, np.ones(gain.shape[:2], bool), spacing=0.15, sh_degree=0, default_label=0)
+    street = seed_ground(whole, np.ones(gain.shape[:2], bool), [], spacing=0.15, sh_degree=0, default_label=0)
     layer = GroundLayer(whole)
     nothing, picture = np.zeros((72, 108), bool), np.full((72, 108, 3), 100, np.uint8)
     car = nothing.copy()

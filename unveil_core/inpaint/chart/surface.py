@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from unveil_core.base.types import Float32, Float64, Labels, Mask
 from unveil_core.geometry.camera import Camera
@@ -60,22 +61,31 @@ def surfels_on(
     colors: Float32,
     labels: Labels,
     *,
-    spacing: float,
+    spacing: float | Float64,
     sh_degree: int,
     behind: float = 0.0,
 ) -> Surfels:
-    """Surfels at texels (N,), in colours (N, 3) from 0 to 1.
+    """Surfels at texels (N,), in colours (N, 3) from 0 to 1, turned along the surface's rows.
 
     Args:
-        spacing: between them, metres; behind: how far they lie behind the surface, metres.
+        spacing: between them, metres, or (N, 2) from row to row and from column to column.
+        behind: how far they lie behind the surface, metres.
     """
-    normal = surface.normal(rows, columns)
+    normal, places = surface.normal(rows, columns), surface.world(rows, columns)
+    quats, size = None, np.full(len(rows), spacing) if np.ndim(spacing) == 0 else np.asarray(spacing)
+    if size.ndim == 2:
+        along = surface.world(rows + 1, columns) - places
+        along -= normal * np.sum(normal * along, axis=1, keepdims=True)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+        axes = np.stack([along, np.cross(normal, along), normal], axis=2)
+        quats = np.roll(Rotation.from_matrix(axes).as_quat(), 1, axis=1) if len(rows) else np.zeros((0, 4))
     return surfels_from_points(
-        surface.world(rows, columns) - behind * normal,
+        places - behind * normal,
         np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
         labels,
         normal,
-        np.full(len(rows), spacing),
+        size,
+        quats=quats,
         sh_degree=sh_degree,
         opacity=OPACITY,
         scale_factor=SCALE_FACTOR,

@@ -14,6 +14,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import INVENTED, RELIT_GAIN, StreetChart
 from unveil_core.inpaint.chart.surface import surfels_on
+from unveil_core.inpaint.frames.long_surfels import longest_in_view, together
 from unveil_core.inpaint.light.view_light import lit
 from unveil_core.surfels.surfels import Surfels
 
@@ -66,24 +67,36 @@ def ground_relit(chart: StreetChart, surfels: Surfels) -> Mask:
 
 
 def seed_ground(
-    chart: StreetChart, region: Mask, *, spacing: float, sh_degree: int, default_label: int, level: float = 0.0
+    chart: StreetChart,
+    region: Mask,
+    cameras: Sequence[Camera],
+    *,
+    spacing: float,
+    sh_degree: int,
+    default_label: int,
+    level: float = 0.0,
 ) -> Surfels:
-    """Surfels for invented ground.
+    """Surfels for invented ground, longer along the street where all views see it from afar.
 
     Args:
         region: (A, B) texels to consider; of them those that are invented get surfels.
-        spacing: distance between surfels, metres.
+        cameras: of all views.
+        spacing: distance between surfels, metres, along the street up to ``LONGEST`` times that.
         level: logarithm by which the ground is brighter when it is seen from near, see ``light.view_light``.
     """
     step = max(1, round(spacing / chart.texel))
-    wanted = np.zeros_like(region)
-    wanted[step // 2 :: step, step // 2 :: step] = True
-    rows, columns = np.nonzero(wanted & region & (chart.source == INVENTED))
-    colors = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[rows, columns]
+    middles = np.s_[step // 2 :: step, step // 2 :: step]
+    cells = (region & (chart.source == INVENTED))[middles]
+    row, column, count = together(cells, longest_in_view(chart, cells.shape, step, cameras))
+    rows, columns = row * step + (count * step) // 2, column * step + step // 2
+    smooth = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[middles]
+    below = np.cumsum(np.pad(smooth, ((1, 0), (0, 0), (0, 0))), axis=0, dtype=np.float64)
+    colors = ((below[row + count, column] - below[row, column]) / count[:, None]).astype(np.float32)
     colors = colors if level == 0 else lit(np.clip(colors, 0, 1), np.full(3, level, np.float32))
-    label = chart.label[rows, columns].astype(np.int64)
+    label = chart.label[middles][row + count // 2, column].astype(np.int64)
     label = np.where(label >= 0, label, default_label)
-    return surfels_on(chart, rows, columns, colors, label, spacing=step * chart.texel, sh_degree=sh_degree)
+    size = step * chart.texel * np.stack([count, np.ones_like(count)], axis=1)
+    return surfels_on(chart, rows, columns, colors, label, spacing=size, sh_degree=sh_degree)
 
 
 def texels_in_pixels(chart: StreetChart, cameras: Sequence[Camera], masks: Sequence[Mask]) -> Mask:
