@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import torch
 
+from tests.ground.test_street import drive_on_circle
 from tests.inpaint.facade.test_continued import FACADE_T, street
 from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.inpaint.chart.surface import Surface, shown_places, surfels_on
 from unveil_core.inpaint.facade.facade_chart import REPLACED_M, empty_chart
+from unveil_core.raster import render
 
 TEXEL_M = 0.25
 
@@ -75,6 +80,28 @@ def test_surfels_lie_on_the_surface_or_behind_it(surface: tuple[Surface, tuple[i
         apart = chart.world(rows, columns) - made.means.double().numpy()
         assert np.abs((apart * chart.normal(rows, columns)).sum(axis=1) - behind).max() < 1e-4
         assert (made.labels == 3).all() and np.abs(made.normals().numpy() @ [0, 0, 1]).max() <= 1 + 1e-6
+
+
+def test_no_light_comes_through_a_slope_or_a_kerb() -> None:
+    """Seen from the street level surfels would leave chinks, as the steps of a stair do from below."""
+    chart, *_ = sunny_chart(None)
+    ground = chart.ground
+    across = ground.t_start + ground.t_cell * np.arange(ground.height.shape[1])
+    rise = np.where(across > 2, 0.3, 0.0) + 0.4 * np.clip(across + 6, 0, 1.5)
+    chart = replace(chart, ground=replace(ground, height=ground.height + rise))
+    s, t = chart.coordinates()
+    rows, columns = np.nonzero(((s > 3) & (s < 26))[:, None] & (np.abs(t) < 6.5))
+    colors, labels = np.full((len(rows), 3), 0.5, np.float32), np.zeros(len(rows), np.int64)
+    made = surfels_on(chart, rows, columns, colors, labels, spacing=chart.texel, sh_degree=0)
+    camera = drive_on_circle(np.inf, 0.0)[0].resized(300, 200)
+    met, street = chart.ground.intersect(camera, camera.rays().reshape(-1, 3))
+    within = np.isfinite(met) & (np.abs(street[:, 0] - 14) < 9) & (np.abs(street[:, 1]) < 5.5)
+    shown = [
+        render(one, camera, ("alpha",)).alpha.numpy().ravel()[within]  # type: ignore[union-attr]
+        for one in (made, replace(made, quats=torch.tensor([[1.0, 0, 0, 0]]).expand(len(made), 4)))
+    ]
+    assert within.sum() > 2000
+    assert shown[0].min() > 0.75 and np.percentile(shown[1], 1) < 0.1
 
 
 def test_places_are_those_that_a_camera_shows_nearby() -> None:

@@ -18,6 +18,9 @@ __all__ = ["NEAREST_M", "OPACITY", "SCALE_FACTOR", "Surface", "shown_places", "s
 
 NEAREST_M = 0.3
 """Depth in front of which a camera shows no place of a street, metres: closer than any camera stands to it."""
+STEEPEST = 4.0
+"""Rise from one surfel to the next over their distance up to which they are of one surface, as the largest aspect of surfels from
+points (``surfels.tangents``)."""
 OPACITY, SCALE_FACTOR = 0.95, 0.7
 """Of surfels that fill what was not seen: opaque, and overlapping so that nothing shows between them."""
 
@@ -71,22 +74,47 @@ def surfels_on(
         spacing: between them, metres, or (N, 2) from row to row and from column to column.
         behind: how far they lie behind the surface, metres.
     """
-    normal, places = surface.normal(rows, columns), surface.world(rows, columns)
-    quats, size = None, np.full(len(rows), spacing) if np.ndim(spacing) == 0 else np.asarray(spacing)
-    if size.ndim == 2:
-        along = surface.world(rows + 1, columns) - places
-        along -= normal * np.sum(normal * along, axis=1, keepdims=True)
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-        axes = np.stack([along, np.cross(normal, along), normal], axis=2)
-        quats = np.roll(Rotation.from_matrix(axes).as_quat(), 1, axis=1) if len(rows) else np.zeros((0, 4))
+    size = np.broadcast_to(spacing, (len(rows), 2)) if np.ndim(spacing) == 0 else np.asarray(spacing)
+    quats, size = _laid(surface, rows, columns, size)
     return surfels_from_points(
-        places - behind * normal,
+        surface.world(rows, columns) - behind * surface.normal(rows, columns),
         np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
         labels,
-        normal,
+        surface.normal(rows, columns),
         size,
         quats=quats,
         sh_degree=sh_degree,
         opacity=OPACITY,
         scale_factor=SCALE_FACTOR,
     )
+
+
+def _laid(
+    surface: Surface, rows: NDArray[np.int64], columns: NDArray[np.int64], spacing: Float64
+) -> tuple[Float64, Float64]:
+    """Quaternions (N, 4) of surfels that lie in the surface as it rises around them, and how far it is from one to the next along
+    both of their axes (N, 2), metres: level ones leave chinks between them on a slope, and more so at a kerb.
+
+    Args:
+        spacing: (N, 2) between them as the surface is laid out, metres.
+    """
+    if not len(rows):
+        return np.zeros((0, 4)), np.zeros((0, 2))
+    normal, span = surface.normal(rows, columns), []
+    for axis, away in enumerate(spacing.T):
+        reach = np.maximum(np.round(away / surface.texel / 2), 1).astype(np.int64)
+        there, back = (
+            surface.world(rows + sign * reach * (axis == 0), columns + sign * reach * (axis == 1)) for sign in (1, -1)
+        )
+        step = (there - back) * (away / (2 * surface.texel * reach))[:, None]
+        rise = np.sum(step * normal, axis=1, keepdims=True)
+        one = np.abs(rise) <= STEEPEST * away[:, None]
+        span.append(np.where(one, step, step - rise * normal))
+    along, across = span
+    facing = np.cross(along, across)
+    facing *= np.where(np.sum(facing * normal, axis=1) < 0, -1.0, 1.0)[:, None]
+    first, third = (v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-12) for v in (along, facing))
+    second = np.cross(third, first)
+    size = np.stack([np.linalg.norm(along, axis=1), np.abs(np.sum(across * second, axis=1))], axis=1)
+    quats = Rotation.from_matrix(np.stack([first, second, third], axis=2)).as_quat()
+    return np.roll(quats, 1, axis=1), size

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.parallel import each
 from unveil_core.base.types import Float32, Float64, Mask
@@ -76,10 +78,18 @@ class FacadeChart:
         return self.occluded & ~self.known & ~self.open & ~self.passed
 
     def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
-        """(N, 3) world positions of texel centres."""
-        s, t = self.s_start + self.texel * rows, self.offset[rows]
+        """(N, 3) world positions of texel centres; where no facade stands it is taken to go on from the nearest that does."""
+        s, t = self.s_start + self.texel * rows, self._nearest_offset[np.clip(rows, 0, len(self.offset) - 1)]
         height = self.ground.height_at(s, t) + self.texel * (columns + 0.5)  # type: ignore[arg-type]
         return self.ground.path.to_world(np.stack([s, t, height], axis=1))
+
+    @cached_property
+    def _nearest_offset(self) -> Float64:
+        stands = np.isfinite(self.offset)
+        if not stands.any():
+            return np.zeros_like(self.offset)
+        nearest = distance_transform_edt(~stands, return_distances=False, return_indices=True)[0]
+        return self.offset[nearest]
 
     def normal(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) unit normals there: to the street, level."""
