@@ -41,7 +41,7 @@ class ReoptimizeSettings:
     weights: L1 with D-SSIM, L_d and L_n, as the paper; labels are given, not fitted.
     """
 
-    iterations: int = 250
+    iterations: int = 100
     near_m: float = 0.5
     ground_spacing_m: float = 0.08
     weights: LossWeights = field(default_factory=lambda: LossWeights(semantic=0.0, label_distortion=0.0, opacity=0.0))
