@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path, shift_path
+from unveil_core.ground.street import as_far_as_shown
 from unveil_core.ground.street_fit import fit_street_heights
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -159,3 +160,39 @@ def test_rays_go_over_a_crest_and_up_a_hill() -> None:
     # Nothing is found between the crest and the hill that it hides.
     assert not ((depth > 26) & (depth < 55)).any()
     assert np.abs(street[met, 0] - depth[met]).max() < 0.5
+
+
+ROAD, CAR, HOUSE, SKY = range(4)
+
+
+def labels_of(camera: Camera, slope: float, until: float, cars: float = np.inf) -> np.ndarray:
+    """(H, W) of a straight street with a slope that ends before a house, and of a row of cars across it."""
+    rays = camera.rays()
+    with np.errstate(divide="ignore"):
+        depth = (camera.centre[2] - slope * camera.centre[0]) / (slope * rays[..., 0] - rays[..., 2])
+    away = np.where(depth > 0, camera.centre[0] + depth * rays[..., 0], np.inf)
+    label = np.where(away < until, ROAD, np.where(rays[..., 2] < 0.2, HOUSE, SKY))
+    return np.where((away > cars) & (label == ROAD), CAR, label)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.03])
+def test_the_ground_goes_on_as_far_as_labels_show_the_street(slope: float) -> None:
+    cameras = [look(np.array([x, 0.0, 1.6 + slope * x]), 0.0) for x in np.arange(0.0, 24.0)]
+    cameras = [c.resized(384, 256) for c in cameras]
+    path = fit_path(cameras)
+    rng = np.random.default_rng(1)
+    s, t = rng.uniform(-2, 35, 30_000), rng.uniform(-6, 6, 30_000)
+    ground = fit_street_heights(path, np.column_stack([s, t, slope * s]))
+
+    def end(until: float, cars: float = np.inf) -> float:
+        labels = [labels_of(c, slope, until, cars) for c in cameras]
+        longer = as_far_as_shown(ground, cameras, labels, (ROAD,), (CAR,), 45.0)
+        last = longer.s_start + longer.s_cell * (len(longer.t_max) - 1)
+        assert abs(longer.height_at(np.array([last - 1]), np.array([2.0]))[0] - slope * (last - 1)) < 0.1
+        return last
+
+    assert end(200.0) == pytest.approx(68, abs=1.5), "as far as frames are read"
+    assert end(50.0) == pytest.approx(50, abs=2)
+    assert end(200.0, cars=45.0) == pytest.approx(45, abs=2), "where cars hide it nobody knows how far it goes"
+    assert end(20.0) == pytest.approx(35, abs=1.5), "what was measured stays"
+    assert as_far_as_shown(ground, cameras, [], (), (CAR,), 45.0) is ground

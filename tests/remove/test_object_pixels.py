@@ -79,3 +79,12 @@ def test_what_goes_is_drawn_by_kind() -> None:
     gone, ids = np.array([0, 1, 1, 1, 1, 0], bool), np.array([0, 0, 7, 8, 9, 9])
     drawn = drawn_by_kind(surfels, gone, ids, (MarkedObject(7, "car"),), {8: 3, 9: 1})
     assert drawn.labels.tolist() == [0, 1, 2, OWN_KINDS, OWN_KINDS + 1, 0]
+
+
+def test_other_frames_labels_tell_whether_a_place_has_something_that_goes(labelled: tuple[Drive, SceneLabels]) -> None:
+    drive, scene = labelled
+    pixels = of_drive(drive, replace(scene, removed=("car",)))
+    far = np.full(CAR.shape, 150.0, np.float32)  # where all frames have it at the same pixel
+    assert np.array_equal(pixels._backed(drive.frames[1], far, np.ones_like(CAR)), CAR)
+    alone = of_drive(replace(drive, frames=drive.frames[:1]), replace(scene, removed=("car",)))
+    assert alone._backed(drive.frames[0], far, np.ones_like(CAR)).all(), "nobody says no"

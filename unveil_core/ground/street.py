@@ -1,19 +1,22 @@
-"""The ground of a street: its height over street coordinates, and how far it reaches to both sides."""
+"""The ground of a street: its height over street coordinates, and how far it reaches to both sides and on ahead."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.height_field import Grid, first_met
 from unveil_core.ground.path import StreetPath
 
-__all__ = ["Ground"]
+__all__ = ["Ground", "as_far_as_shown"]
 
 NEAR_M, FAR_M = 0.3, 300.0
 """Depths between which rays meet the ground."""
@@ -22,6 +25,11 @@ MISS_M = 0.1
 farther from the ground than this by the pair that it gets is not met."""
 RIM_M = 0.5
 """So far beyond its limits the ground is known to rays, or those to its rim would step over it."""
+GRADE_M = 20.0
+"""Length of street of which the ground beyond its end has the grade, metres: over it a height wrong by a decimetre at the end leads
+the ground a pixel or two astray."""
+LANE = np.arange(-2.5, 2.51, 0.5)
+"""Lateral offsets at which it is asked whether the street goes on, metres: the car's own lane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,3 +109,50 @@ class Ground:
         outside = met[~good]
         depth[outside], street[outside] = np.inf, 0.0
         return depth, street
+
+    def prolonged(self, cells: int) -> Ground:
+        """The ground so many cells farther along the street: as steep as at its end, and as wide."""
+        middle = self.height[-1 - round(GRADE_M / self.s_cell) :, self.height.shape[1] // 2]
+        grade = np.polyfit(np.arange(len(middle)), middle, 1)[0] if len(middle) > 1 else 0.0
+        more = self.height[-1] + grade * np.arange(1, cells + 1)[:, None]
+        width = [np.append(limit, np.full(cells, limit[-1])) for limit in (self.t_max, self.t_min)]
+        return replace(self, height=np.concatenate([self.height, more]), t_max=width[0], t_min=width[1])
+
+
+def as_far_as_shown(
+    ground: Ground,
+    cameras: Sequence[Camera],
+    labels: Sequence[NDArray[np.int64]],
+    kinds: Sequence[int],
+    passing: Sequence[int],
+    reach: float,
+) -> Ground:
+    """The ground prolonged to where frames still show that the street goes on, by their labels: photographs tell no heights as far
+    off as they show asphalt.
+
+    Args:
+        cameras, labels: of the frames, labels (H, W), negative = unknown.
+        kinds: labels of ground; passing: of what could be removed, which tells neither way.
+        reach: no farther from a camera, metres.
+    """
+    s_end = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
+    s_of_camera = ground.path.to_street(centres_of(cameras))[:, 0]
+    cells = int((s_of_camera.max() + reach - s_end) / ground.s_cell)
+    if cells < 1 or not kinds:
+        return ground
+    longer = ground.prolonged(cells)
+    s = np.repeat(s_end + ground.s_cell * np.arange(1, cells + 1), len(LANE))
+    t = np.tile(LANE, cells)
+    world = ground.path.to_world(np.stack([s, t, longer.height_at(s, t)], axis=1))
+    looks = np.zeros((3, cells), dtype=np.int64)
+    for v in np.flatnonzero(np.abs(s_of_camera - s_end) < 2 * reach).tolist():
+        index, pixel, _ = cameras[v].shown(world, nearest=NEAR_M, furthest=reach)
+        if not len(index):
+            continue
+        shown = labels[v][pixel[:, 1].astype(np.int64), pixel[:, 0].astype(np.int64)]
+        for what, among in enumerate((np.isin(shown, kinds), np.isin(shown, passing), shown >= 0)):
+            np.add.at(looks[what], index[among] // len(LANE), 1)
+    street, hidden, known = looks
+    on = np.cumsum((street + hidden <= known / 2) | (known == 0)) == 0
+    last = np.flatnonzero(on & (street > (known - hidden) / 2))
+    return ground.prolonged(int(last[-1]) + 1) if len(last) else ground

@@ -69,6 +69,10 @@ _LISTED = (
         "the ground goes on up to walls and fences that face the street",
     ),
     Mechanism(
+        "ground_ahead", "ground", ("ground.street:as_far_as_shown", "ground.street:Ground.prolonged"),
+        "the ground goes on ahead as far as labels show that the street does",
+    ),
+    Mechanism(
         "terrain", "ground", ("ground.terrain", "ground.fit:fit_drive_terrain"),
         "a height field by the drive's points tells what lies behind removed objects beside the street",
     ),

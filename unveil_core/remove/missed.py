@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +23,19 @@ ALIKE = 0.08
 little exposure, less than that of a car and the road."""
 
 
-def missed_pixels(photograph: NDArray[np.uint8], rendered: Float32, share: Float32, own: Mask) -> Mask:
+def missed_pixels(
+    photograph: NDArray[np.uint8], rendered: Float32, share: Float32, own: Mask, backed: Callable[[Mask], Mask]
+) -> Mask:
     """(H, W) pixels of removed objects that are not in the frame's own mask.
 
     Where the scene has a removed object, and the photograph shows the scene's colours, the object is there; where it shows others,
-    something stands in front, or the object has moved on.
+    something stands in front, or the object has moved on. Other frames' labels must have the object there, too: where most lack it,
+    the scene is wrong, as between parked cars whose borders photographs alone do not tell.
 
     Args:
         photograph: (H, W, 3); rendered: (H, W, 3) the scene in the same colours, sRGB from 0 to 1.
         share: (H, W) of each pixel that surfels of removed objects have; own: (H, W) the frame's own mask.
+        backed: of (H, W) pixels those at whose place most other frames have a removed object; asked only where it decides.
     """
     candidate = (share > SHARE) & ~own
     border = border_px(share.shape[1], 1)
@@ -40,6 +46,9 @@ def missed_pixels(photograph: NDArray[np.uint8], rendered: Float32, share: Float
     is_missed = stats[:, cv2.CC_STAT_AREA] >= area_px(share.shape, LEAST_PX)
     is_missed &= np.asarray(ndimage.median(apart, component, np.arange(count))) < ALIKE
     is_missed[0] = False
+    if is_missed.any():
+        shown = np.bincount(component[backed(is_missed[component])], minlength=count)
+        is_missed &= shown > 0.5 * stats[:, cv2.CC_STAT_AREA]
     missed = is_missed[component]
     found: Mask = grow(missed, border) & candidate
     return found

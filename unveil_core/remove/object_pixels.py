@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from unveil_core.base.evenly import evenly
 from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Float32, Labels, Mask, Picture
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import ASKED_M, FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.geometry.images import border_px, grow
+from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.ground.street import Ground
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered
@@ -32,6 +34,8 @@ SEEN = 0.3
 """Alpha over which the scene has a depth."""
 SHOWN = 0.5
 """Share of a pixel from which on it shows what was drawn: half of the light comes from it."""
+MOST_ASKED = 24
+"""Other frames that are asked about what one seems to miss, from the first to the last that are near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ class ObjectPixels:
         own = self._chosen(frame, known + marked) | self.moving(frame) | self._marked(frame, marked)
         photograph = self.photograph(frame)
         if on("missed_objects"):
-            own |= missed_pixels(photograph, colors, known, own)
+            own |= missed_pixels(photograph, colors, known, own, lambda asked: self._backed(frame, depth, asked))
         if self.scene.source == "masks" and on("cut_off_pieces") and self.street is not None:
             own |= cut_off_pixels(photograph, frame.camera, depth.astype(np.float64), own, self.street)
         for number, part in single.items():
@@ -105,6 +109,23 @@ class ObjectPixels:
         elif self.scene.instances:
             mask |= drawn > SHOWN
         return mask | ((label < 0) & (drawn > SHOWN))
+
+    def _backed(self, frame: Frame, depth: Float32, asked: Mask) -> Mask:
+        """(H, W) of the pixels ``asked`` (H, W) those at whose place, ``depth`` (H, W) metres away, most other frames' own labels
+        have something that goes; all where no other frame has labels there."""
+        places = frame.camera.centre + depth[asked].astype(np.float64)[:, None] * frame.camera.rays()[asked]
+        near = cameras_near(centres_of([f.camera for f in self.drive.frames]), places, ASKED_M)
+        others = [self.drive.frames[int(near[k])] for k in evenly(len(near), MOST_ASKED)]
+        goes, known = np.zeros((2, len(places)), dtype=np.int64)
+        for other in others:
+            if other is frame:
+                continue
+            inside, labelled = other.camera.fall_in(places, frame_labels(other, self.scene) >= 0)
+            known += inside & labelled
+            goes += other.camera.fall_in(places, self._chosen(other, np.zeros((), np.float32)))[1]
+        backed = asked.copy()
+        backed[asked] = (goes > known / 2) | (known == 0)
+        return backed
 
     def _marked(self, frame: Frame, drawn: Float32) -> Mask:
         """(H, W) pixels of marked objects: by their mattes where this frame has them, else by their drawn share (H, W)."""

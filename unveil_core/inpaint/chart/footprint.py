@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.mechanisms import on
 from unveil_core.base.types import Mask
-from unveil_core.inpaint.chart.street_chart import StreetChart
+from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
 
 __all__ = ["footprint_of"]
 
@@ -20,6 +20,8 @@ the road."""
 LONGEST_M = 6.0
 """Length from which on an object gets a hull for each so long piece of it, metres: longer than a car, it is an articulated lorry in
 a bend, or several that touch."""
+WIDEST_M = 2.6
+"""Width of the widest vehicle, metres."""
 JOIN_M = 0.3
 """Side of the gaps that are closed between texels of an object before its parts are compared, metres. Chosen on the two sample
 streets."""
@@ -31,12 +33,15 @@ it. Chosen on the two sample streets."""
 def footprint_of(
     chart: StreetChart, removed: Sequence[NDArray[np.float64]], loose: NDArray[np.float64] | None = None
 ) -> NDArray[np.bool_]:
-    """(A, B) texels that removed objects stand on: the hull of each object's low surfels, of a long one's piece by piece.
+    """(A, B) texels that removed objects stand on: the hull of each object's low surfels, of a long one's piece by piece. Ground
+    that frames show is only part of it between an object's sides, under a lorry: what they show between two cars that pass for
+    one, or behind one, is street.
 
     Args:
         removed: (M, 3) positions of each object's surfels; loose: (L, 3) of those that belong to none and have no hull.
     """
-    footprint = np.zeros(chart.source.shape, dtype=np.uint8)
+    footprint, unseen = np.zeros(chart.source.shape, dtype=np.uint8), chart.source != OBSERVED
+    across = np.ones((1, int(WIDEST_M / chart.texel)), np.uint8)
     if loose is not None:
         texels = _low_texels(chart, loose)
         footprint |= texels & _dense(texels, chart.texel, 0.0)
@@ -47,11 +52,13 @@ def footprint_of(
             continue
         dense = _dense(texels, chart.texel)
         rows, columns = np.nonzero(dense)
+        hull = np.zeros_like(footprint)
         for inside in _pieces(rows, LONGEST_M / chart.texel):
             if np.count_nonzero(inside) >= 3:
-                hull = cv2.convexHull(np.stack([columns[inside], rows[inside]], axis=1).astype(np.int32))
-                cv2.fillConvexPoly(footprint, hull, 1)
-        footprint |= texels
+                corners = cv2.convexHull(np.stack([columns[inside], rows[inside]], axis=1).astype(np.int32))
+                cv2.fillConvexPoly(hull, corners, 1)
+        between = cv2.morphologyEx(dense.astype(np.uint8), cv2.MORPH_CLOSE, across)
+        footprint |= texels | (hull & (between | unseen))
     return footprint.astype(bool)
 
 

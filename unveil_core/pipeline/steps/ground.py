@@ -21,11 +21,11 @@ from unveil_core.ground.fit import DriveGround, GroundEvidence, fit_drive_terrai
 from unveil_core.ground.one_place import LEAST_OWN, goes_round, share_of_own
 from unveil_core.ground.path import fit_path, way_of
 from unveil_core.ground.plain_fit import NOISY_M
-from unveil_core.ground.street import Ground
+from unveil_core.ground.street import Ground, as_far_as_shown
 from unveil_core.ground.track import longest_track
 from unveil_core.inpaint.chart.ahead import path_ahead
 from unveil_core.inpaint.chart.rectify import LEAST_AGREEMENT, Rectified, rectified_path
-from unveil_core.inpaint.chart.street_chart import usable_pixels
+from unveil_core.inpaint.chart.street_chart import READ_M, usable_pixels
 from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
@@ -92,20 +92,27 @@ def run(context: StageContext) -> Facts:
     if street is not None:
         exposures = read_exposures(workspace.exposure_json)
         frames = drive.frames
-        labels = labels_of_frames(frames, scene, context.cache)
+        labels, cameras = labels_of_frames(frames, scene, context.cache), [f.camera for f in frames]
+        kinds = scene.labels.indices(GROUND_CLASSES)
+
+        def onward(fitted: Ground | None) -> Ground | None:
+            if fitted is None or not on("ground_ahead"):
+                return fitted
+            return as_far_as_shown(fitted, cameras, labels, kinds, scene.removable_labels, READ_M)
+
+        street = onward(street) or street
         hidden = read_moving(workspace.root).hidden(drive, context.cache)
         # The pieces of the street that are read share frames: both are cached.
         usable = context.cache.frames(len(frames), _usable(drive, scene, surfels, hidden, street, labels))
         images = context.cache.frames(len(frames), lambda i: exposures.read(frames[i]))
-        cameras = [f.camera for f in frames]
         frames_of = (cameras, images, labels, usable)
-        kinds, walls = scene.labels.indices(GROUND_CLASSES), evidence.side_places(street)
+        walls = evidence.side_places(street)
         if on("path_ahead"):
             ahead = path_ahead(street, of_track, *frames_of, kinds=kinds, walls=walls)
-            street = evidence.fit(ahead) or street
+            street = onward(evidence.fit(ahead)) or street
         if on("rectified_path"):
             rectified = rectified_path(street, *frames_of, context.kept, context.progress)
-            street = evidence.fit(rectified.path) or street
+            street = onward(evidence.fit(rectified.path)) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")
     terrain = fit_drive_terrain(measured, path.axes, street) if on("terrain") else None
