@@ -128,6 +128,16 @@ def test_a_rerun_does_only_what_is_missing(solved: Path) -> None:
 
 
 @needs_colmap
+@needs_colmap
+def test_a_night_whose_noise_hides_all_is_said_to_be_dark(tmp_path: Path) -> None:
+    """Small pictures average the noise away and look well enough; those that are matched do not."""
+    generator = np.random.default_rng(0)
+    dark = [np.clip(p * 0.05 + generator.normal(0, 6, p.shape), 0, 255).astype(np.uint8) for p in frames()]
+    footage = write_frames(tmp_path / "night", dark)
+    with pytest.raises(DriveError, match="night: The footage is too dark .mean grey . of 255.: .*film by day"):
+        solve([footage], tmp_path / "drive", SolveSettings())
+
+
 def test_five_frames_are_one_line(tmp_path: Path) -> None:
     clip = write_clip(tmp_path / "a.mp4", list(frames())[:5])
     with pytest.raises(DriveError, match=r"a\.mp4: Too few frames: 5"):

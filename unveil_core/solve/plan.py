@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from unveil_core.base.drive_options import frame_numbers
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_own_json
 from unveil_core.base.wording import about_as_long
-from unveil_core.solve.costs import about_seconds, seconds_of_frames
+from unveil_core.solve.costs import seconds_by_step
 from unveil_core.solve.footage.kinds import is_clip, pictures_in
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.steps import facts_of_files
@@ -31,6 +31,7 @@ class SolvePlan:
     Attributes:
         why: it would run; empty where the drive is up to date.
         frames: of all inputs that it takes; width, height: of the first input's, pixels; seconds: how long it takes at most, about.
+        steps: the same of each step, in order.
     """
 
     why: str
@@ -38,6 +39,7 @@ class SolvePlan:
     width: int
     height: int
     seconds: float
+    steps: dict[str, float] = field(default_factory=dict)
 
     @property
     def would_run(self) -> bool:
@@ -53,7 +55,7 @@ class SolvePlan:
 
     def to_json(self) -> dict[str, object]:
         """The same for programs."""
-        told = asdict(self)
+        told = {name: value for name, value in asdict(self).items() if name != "steps"}
         return {**told, "seconds": round(self.seconds), "would_run": self.would_run}
 
 
@@ -86,9 +88,8 @@ def plan_solve(inputs: Sequence[Path], record: Path, settings: SolveSettings) ->
     if not frames:
         raise DriveError("has no frames in that part", path=inputs[0], mend="give --frames within the footage")
     width, height = counted[0][1]
-    seconds = seconds_of_frames(frames, (width, height))
-    seconds += about_seconds(frames, (width, height), NEIGHBOURS * frames, settings.thorough)
-    return SolvePlan(_why(inputs, record, settings), frames, width, height, seconds)
+    steps = seconds_by_step(frames, frames, (width, height), NEIGHBOURS * frames, settings.thorough)
+    return SolvePlan(_why(inputs, record, settings), frames, width, height, sum(steps.values()), steps)
 
 
 def _why(inputs: Sequence[Path], record: Path, settings: SolveSettings) -> str:

@@ -7,7 +7,7 @@ from weakref import ref
 
 from ...worker.job_state import JobState, duration
 from ...worker.session import session
-from ...worker.workspace_state import STAGES
+from ...worker.workspace_state import SOLVING, STAGES
 
 __all__ = ["job_said", "outcome", "stage_said", "time_left", "whole"]
 
@@ -40,7 +40,7 @@ def whole(state: JobState, age_s: float) -> float:
 
 def stage_said(state: JobState) -> str:
     """What it is at, for people."""
-    name = STAGES.get(state.stage, state.stage.title()) or "Starting"
+    name = STAGES.get(state.stage) or SOLVING.get(state.stage) or state.stage.title() or "Starting"
     return f"{name} ({state.place[0]} of {state.place[1]})" if state.place else name
 
 

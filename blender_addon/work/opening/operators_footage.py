@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -71,10 +72,10 @@ class UNVEIL_OT_import_footage(JobOperator, bpy.types.Operator, ImportHelper):
         ),
     )
     speed: FloatProperty(
-        name="Mean Speed",
+        name="Speed (km/h)",
         min=0.0,
         default=0.0,
-        description="Kilometres an hour, from which the scale follows in place of the height. 0: not known",
+        description="Mean speed, from which the scale follows in place of the height. 0: not known",
     )
     thorough: BoolProperty(name="Thorough", description="Three times the features, in three times the time")
     set_up_scene: BoolProperty(**SET_UP_SCENE)
@@ -87,15 +88,21 @@ class UNVEIL_OT_import_footage(JobOperator, bpy.types.Operator, ImportHelper):
         if self.properties.is_property_set("filepath"):  # dropped onto the window
             manager = context.window_manager
             return manager.invoke_props_dialog(self, width=440, title=self.bl_label, confirm_text="Import")
+        if bpy.data.filepath:  # else Blender proposes the .blend's own name
+            self.filepath = str(Path(bpy.data.filepath).parent) + os.sep
         return ImportHelper.invoke(self, context, event)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split, layout.use_property_decorate = True, False
+        if context.space_data is not None and context.space_data.type == "FILE_BROWSER":
+            layout.label(text="Pick a clip, or a photograph")
         for names in (SHOWN_FIRST, ("drive", "workspace", "start_frame", "set_up_scene")):
             column = layout.column()
             for name in names:
-                column.prop(self, name)
+                column.prop(self, name, **({"text": "Every Nth"} if name == "every" else {}))  # else it is cut off
+                if name == "segmenter" and not (self.labels.strip() or self.segmenter.strip()):
+                    column.label(text="Neither: outline by clicks later")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not versions.has_window():
@@ -148,6 +155,8 @@ def _solved(drive: Path, workspace: str, scene: str, file: int, context: bpy.typ
     if session.file != file or scene not in bpy.data.scenes:
         tell(f"The cameras are found: import {drive} into the file that is to have it", "WARNING")
         return
+    for line in _assumed(state.answer.get("solve")):
+        tell(line, "WARNING")
     settings = bpy.data.scenes[scene].unveil
     settings.labels = settings.segmenter = settings.frames = settings.cameras = (
         ""  # the drive has what follows from them
@@ -157,6 +166,18 @@ def _solved(drive: Path, workspace: str, scene: str, file: int, context: bpy.typ
             bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(drive / "transforms.json"), workspace=workspace)
     except RuntimeError as error:
         state.status, state.error = "failed", str(error).removeprefix("Error: ").strip()
+
+
+def _assumed(facts: object) -> list[str]:
+    """What of a solve was not known and is assumed, a line each."""
+    if not isinstance(facts, dict) or facts.get("scale_known", True):
+        return []
+    height = facts.get("camera_height_m")
+    if not isinstance(height, int | float):
+        return ["The scale is not known: import the footage again with its Camera Height"]
+    return [
+        f"The camera is assumed to be {height:g} m above the road: if not, import the footage again with its Camera Height"
+    ]
 
 
 class UNVEIL_FH_footage(bpy.types.FileHandler):

@@ -51,6 +51,16 @@ def test_a_drive_is_no_footage(tmp_path: Path) -> None:
     assert is_footage_alone(write_frames(tmp_path / "frames", [np.zeros((8, 8, 3), np.uint8)] * 3))
 
 
+def test_a_run_of_footage_that_would_end_after_the_solve_does_not_begin(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    footage = write_frames(tmp_path / "frames", [np.zeros((40, 60, 3), np.uint8)] * 8)
+    assert main(["run", str(footage), "-o", str(tmp_path / "out")]) == 2
+    line = capsys.readouterr().err
+    assert "frames: nothing says what to remove from this footage (give --labels or --segmenter; or click" in line
+    assert line.count("\n") == 1 and not (tmp_path / "out_drive").exists()
+
+
 def test_a_dry_run_of_footage_tells_the_solve_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.solve.films import smooth_pictures, write_clip
+from tests.solve.films import SAMPLE, smooth_pictures, write_clip
 from unveil_core.base.errors import DriveError
 from unveil_core.base.pictures.decoding import read_image_as_it_is
 from unveil_core.solve.footage.frames import read_reel, write_reel
@@ -91,6 +91,18 @@ def test_a_clip_that_is_cut_short_is_used_as_far_as_it_goes(tmp_path: Path) -> N
     clip.write_bytes(content[: len(content) // 2])
     reel = decode_clip(clip, tmp_path / "images", "camera", None, 1, "")
     assert 4 < len(reel.frames) < 30
+
+
+def test_a_file_that_ends_before_its_frames_says_so(tmp_path: Path) -> None:
+    """As of a copy that broke off: the frames that it notes come first, so FFmpeg meets nothing but an early end."""
+    clip = tmp_path / "a.mp4"
+    whole = SAMPLE / "clip.mp4"
+    clip.write_bytes(whole.read_bytes()[: whole.stat().st_size // 8])
+    reel = decode_clip(clip, tmp_path / "images", "camera", None, 4, "")
+    (line,) = reel.notices
+    assert line.startswith("the file ends early: ") and " of its 96 frames" in line and "copy it again" in line
+    part = decode_clip(clip, tmp_path / "images", "camera", "0:4", 1, "")
+    assert len(part.frames) == 4 and not part.notices
 
 
 def test_an_interlaced_clip_is_told_and_combed_no_more(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from unveil_core.app.console import reporting_for, say
-from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.app.footage.time_left import with_time_left
+from unveil_core.base.errors import DriveError, SettingsError, UnveilError
 from unveil_core.pipeline.settings import RunSettings
 
 if TYPE_CHECKING:  # loads NumPy
@@ -47,7 +48,8 @@ def run_solve(arguments: argparse.Namespace) -> int:
     }
     settings = SolveSettings(**given)
     with reporting_for(arguments) as reporter:
-        solved = solve(arguments.footage, arguments.output, settings, reporter)
+        steps = _expected(arguments.footage, arguments.output, settings)
+        solved = solve(arguments.footage, arguments.output, settings, with_time_left(reporter, steps))
     if arguments.json:
         say(json.dumps({"solve": solved.facts}))
     else:
@@ -56,6 +58,16 @@ def run_solve(arguments: argparse.Namespace) -> int:
         say(f"next                   {next_step(solved.drive, settings)}")
         say(solved.drive / "solve.html")
     return 0
+
+
+def _expected(footage: list[Path], output: Path, settings: SolveSettings) -> dict[str, float]:
+    """Seconds of each step, about; none of footage that cannot be read: the solve itself says what is wrong."""
+    from unveil_core.solve.solve import planned
+
+    try:
+        return planned(footage, output, settings).steps
+    except UnveilError:
+        return {}
 
 
 def next_step(drive: Path, settings: SolveSettings) -> str:
@@ -126,12 +138,28 @@ def footage_settings(arguments: argparse.Namespace, settings: RunSettings) -> So
 def drive_of_footage(
     footage: Path, workspace: Path, arguments: argparse.Namespace, settings: RunSettings, reporter: Reporter
 ) -> tuple[Path, RunSettings]:
-    """Solve footage beside a workspace, and what the run of it takes: the drive, and the settings that are left."""
+    """Solve footage beside a workspace, and what the run of it takes: the drive, and the settings that are left.
+
+    Raises:
+        SettingsError: the run would end after the solve, for nothing says what to remove.
+    """
     from unveil_core.solve.solve import solve
 
-    solved = solve([footage], drive_beside(workspace), footage_settings(arguments, settings), reporter)
+    own = footage_settings(arguments, settings)
+    if getattr(arguments, "until", None) not in ("import", "objects"):
+        _check_says_what_goes(footage, settings)
+    solved = solve([footage], drive_beside(workspace), own, reporter)
     left: dict[str, Any] = dict.fromkeys(CARRIED)
     return solved.drive, replace(settings, **left)
+
+
+def _check_says_what_goes(footage: Path, settings: RunSettings) -> None:
+    if not any((settings.labels, settings.segmenter, settings.marked, settings.instances)):
+        raise SettingsError(
+            "nothing says what to remove from this footage",
+            path=footage,
+            mend="give --labels or --segmenter; or click on it: unveil solve first, then unveil mask of its drive",
+        )
 
 
 def plan_of_footage(

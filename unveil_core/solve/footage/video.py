@@ -28,6 +28,12 @@ BT601, BT709, BT2020 = 5, 1, 9
 HDR = {16: "PQ", 18: "HLG"}
 """Transfers of high dynamic range, by H.273's number."""
 FOCAL_KEYS = re.compile(r"focal.?length.*35|35mm.*focal", re.IGNORECASE)
+WHOLE = 0.97
+"""Share of the frames that a clip notes, and two less, with which it is whole: an edit list leaves some out."""
+INTERLACED = (
+    "the clip is interlaced: every frame is two moments. It is deinterlaced here; progressive footage, or a better deinterlacer "
+    "before, gives sharper frames"
+)
 BROKEN = "copy the clip again from its source, or mend it with: ffmpeg -i CLIP -c copy MENDED.mp4"
 
 
@@ -54,12 +60,16 @@ def decode_clip(
             about = _About(container, stream)
             wanted = _wanted(frames, every, stream.frames or 0, path)
             found = _Found(path, images, camera, folder, about)
+            number = -1
             for number, frame in _decoded(container, stream, notices):
                 if wanted(number):
                     found.keep(number, frame)
                 progress(number + 1, max(stream.frames or 0, number + 1), "decoding")
                 if wanted.after(number):
                     break
+            else:
+                if INTERLACED not in notices:  # some files count fields
+                    notices += _cut_short(number + 1, stream.frames or 0)
     except av.error.FFmpegError as error:
         if "found" not in locals() or not found.frames:
             told = error.strerror or type(error).__name__
@@ -68,6 +78,15 @@ def decode_clip(
     if not found.frames:
         raise DriveError("has no frames in that part", path=path, mend="give --frames within the clip")
     return found.reel(tuple([*notices, *found.notices]))
+
+
+def _cut_short(count: int, noted: int) -> list[str]:
+    """What to say of a file that ends before the frames that it notes."""
+    if count >= WHOLE * noted - 2:
+        return []
+    return [
+        f"the file ends early: {count} of its {noted} frames can be read, and are used; copy it again from its source"
+    ]
 
 
 def noted_size(path: Path) -> tuple[int, tuple[int, int]]:
@@ -106,10 +125,7 @@ def _decoded(container: Any, stream: Any, notices: list[str]) -> Iterator[tuple[
     for frame in container.decode(stream):
         if frame.interlaced_frame and graph is None:
             graph = _deinterlacer(stream)
-            notices.append(
-                "the clip is interlaced: every frame is two moments. It is deinterlaced here; progressive footage, or a better "
-                "deinterlacer before, gives sharper frames"
-            )
+            notices.append(INTERLACED)
         if graph is None:
             yield count, frame
             count += 1

@@ -15,7 +15,7 @@ from unveil_core.solve.looks.motion import Motion, followed, moved
 from unveil_core.solve.looks.shutter import told_of_shutter
 from unveil_core.solve.looks.thumbs import Thumbs
 
-__all__ = ["FEWEST_FRAMES", "check_can_work"]
+__all__ = ["DARK", "FEWEST_FRAMES", "check_can_work", "too_dark"]
 
 FEWEST_FRAMES = 6
 """With fewer, one wrong match decides."""
@@ -57,11 +57,7 @@ def check_can_work(
     corners = [followed(thumbs.pictures[a], thumbs.pictures[b], _sized(mask, thumbs)) for a, b in _steps(choice)]
     held = float(np.median([_held(a, b) for a, b in corners])) if corners else 0.0
     if dim < DARK and (held < FEWEST_CORNERS or len(motion.cuts) > 1):  # noise looks like cuts
-        raise DriveError(
-            f"The footage is too dark (mean grey {dim:.0f} of 255): its noise hides the street",
-            path=source,
-            mend="film by day, or with a longer exposure on a slower drive",
-        )
+        raise too_dark(source, dim)
     if motion.cuts:
         raise DriveError(_cut_told(motion.cuts, thumbs), path=source, mend=_longest_part(motion.cuts, thumbs))
     if _stood(thumbs, motion):
@@ -89,6 +85,15 @@ def check_can_work(
         told.append(f"the footage is dark (mean {dim:.0f} of 255): expect fewer points; a brighter exposure helps")
     bent = told_of_shutter(thumbs, motion)
     return told if bent is None else [*told, bent]
+
+
+def too_dark(source: Path | str, grey: float) -> DriveError:
+    """What is said of a night without light; ``grey``: mean of its frames."""
+    return DriveError(
+        f"The footage is too dark (mean grey {grey:.0f} of 255): its noise hides the street",
+        path=source,
+        mend="film by day, or with a longer exposure on a slower drive",
+    )
 
 
 def _cut_told(cuts: tuple[int, ...], thumbs: Thumbs) -> str:

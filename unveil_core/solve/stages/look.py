@@ -32,7 +32,7 @@ class Looked:
     """Attributes:
     chosen: files of the frames that are solved, by camera; pairs: that are matched.
     labels, masks: pictures of frames; hidden: pixels of a frame that are no part of the scene, None = none.
-    facts: standing and blurred frames, bonnet, loops.
+    facts: standing and blurred frames, bonnet, loops, mean grey of the darkest camera.
     """
 
     chosen: list[list[str]]
@@ -52,7 +52,7 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
     facts = steps.begin("look", None)
     if facts is None or not bonnets_file.is_file():
         progress = events.begin("look")
-        chosen, loops, bonnets, standing, blurred, notices = [], [], {}, 0, 0, []
+        chosen, loops, bonnets, standing, blurred, notices, grey = [], [], {}, 0, 0, [], 255.0
         for reel in reels:
             thumbs = take_thumbs(output / "images", reel.frames, progress)
             if len(reel.frames) < 2:
@@ -65,6 +65,7 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
             loops += [(files[a], files[b]) for a, b in loops_of(thumbs, choice.frames)]
             chosen.append(files)
             standing, blurred = standing + choice.standing, blurred + choice.blurred
+            grey = min(grey, float(np.median(thumbs.brightness)))
             if bonnet is not None:
                 bonnets[reel.camera] = bonnet
         np.savez(bonnets_file, **bonnets)  # type: ignore[arg-type]
@@ -76,6 +77,7 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
                 "standing": standing,
                 "blurred": blurred,
                 "bonnet": sorted(bonnets),
+                "grey": round(grey, 1),
                 "notices": notices,
             },
         )

@@ -16,6 +16,7 @@ from unveil_core.base.wording import about_as_long
 from unveil_core.solve.costs import LONGEST_SIDE, about_seconds
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import Reel
+from unveil_core.solve.looks.refusals import DARK, too_dark
 from unveil_core.solve.mapping.model import Model, read_model
 from unveil_core.solve.mapping.process import mapped
 from unveil_core.solve.settings import SolveSettings, focal_of
@@ -62,6 +63,9 @@ def map_frames(
     count = sum(len(names) for names in looked.chosen)
     work = _Work(reels, looked, output, settings, steps, events, focal, known, count)
     answer = work.attempt(place, settings.thorough)
+    grey = float(looked.facts.get("grey", 255))
+    if answer["registered"] < 3 and grey < DARK:  # more features would be more noise
+        raise too_dark(reels[0].source, grey)
     if answer["registered"] < ENOUGH * count and not settings.thorough:
         events.notice("map", f"{answer['registered']} of {count} frames could be placed: more features are looked for")
         second = work.attempt(place.with_name("second.npz"), True)
@@ -232,7 +236,10 @@ def _forecast(reels: Sequence[Reel], looked: Looked, settings: SolveSettings, ev
     chosen = sum(len(n) for n in looked.chosen)
     seconds = about_seconds(chosen, reels[0].size, len(looked.pairs), settings.thorough)
     total = sum(len(r.frames) for r in reels)
-    events.notice("look", f"{chosen} of {total} frames are solved, the others follow: about {about_as_long(seconds)}")
+    what = (
+        f"{chosen} of {total} frames are solved, the others follow" if chosen < total else f"{total} frames are solved"
+    )
+    events.notice("look", f"{what}: about {about_as_long(seconds)}")
 
 
 def lens_of(model: Model, reel: Reel) -> int | None:
