@@ -33,6 +33,7 @@ from unveil_core.ground.blocks import Block, Blocks
 from unveil_core.optimize.presets import ReconstructSettings
 from unveil_core.optimize.reconstruct import Reconstruction, reconstruct, sky_of_labels
 from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
+from unveil_core.optimize.target_colours import coloured_by
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -223,7 +224,8 @@ class BlockwiseReoptimization:
     """The re-optimization of a drive, block by block: each moves what it owns among what its neighbours own, as that was.
 
     Attributes:
-        surfels: the empty scene, N surfels; movable: (N,) those that may change; sky: fixed.
+        surfels: the empty scene, N surfels; movable: (N,) those that may change; relit: (N,) those of them that lost a shadow and
+            still have its colours; sky: fixed.
         targets: camera and cleaned frame (H, W, 3) of all frames.
         settings: see :class:`ReoptimizeSettings`.
         blocks: of the drive.
@@ -234,6 +236,7 @@ class BlockwiseReoptimization:
 
     surfels: Surfels
     movable: Mask
+    relit: Mask
     sky: Sky
     targets: Sequence[tuple[Camera, NDArray[np.uint8]]]
     settings: ReoptimizeSettings
@@ -265,13 +268,13 @@ class BlockwiseReoptimization:
         else:
             near[_in_some_view(self._grid, [self.targets[i][0] for i in block.frames])] = True
         near[mine] = moves[mine] = True
-        surfels, moves = self.surfels.select(torch.from_numpy(near)), moves[near]
+        surfels, moves, relit = self.surfels.select(torch.from_numpy(near)), moves[near], (moves & self.relit)[near]
         targets, settings = subset(self.targets, block.frames), self.settings.scaled(len(block.own))
-        given = (surfels.arrays(), moves, self.sky, targets, settings, self.label_count, self.seed)
+        given = (surfels.arrays(), moves, relit, self.sky, targets, settings, self.label_count, self.seed)
 
         def make(kept: Kept) -> dict[str, NDArray[Any]]:
             done = reoptimize(
-                surfels,
+                coloured_by(surfels, relit, targets, near=NEAR_M),
                 moves,
                 self.sky,
                 targets,

@@ -141,34 +141,36 @@ def _corrections(context: StageContext, drive: Drive, scene: Surfels) -> Correct
     return Corrections(listed, frames, lights, views, invent, context.cache)
 
 
-def _scene(context: StageContext, drive: Drive) -> tuple[Surfels, Mask]:
-    """The empty scene as it is before it is optimized again, and (N,) which of its surfels may change."""
+def _scene(context: StageContext, drive: Drive) -> tuple[Surfels, Mask, Mask]:
+    """The empty scene as it is before it is optimized again, and (N,) which of its surfels may change, and lost a shadow."""
     workspace = context.workspace
     cameras = [f.camera for f in drive.frames]
     full = seen_from_anywhere(read_surfels(workspace.surfels_full), cameras, context.settings.sh_degree)
     edit = read_edit(workspace.root / "surfels/edit.npz", len(full))
     near = near_removed(full, edit.removed, REOPTIMIZE_PRESETS[context.settings.quality].near_m)
     near[edit.shortened.index] = True  # what is left of them has to show what they all showed
-    return edit.apply(full), edit.carried(near | edit.relit, np.ones(len(edit.origin), dtype=bool))
+    added = np.ones(len(edit.origin), dtype=bool)
+    return edit.apply(full), edit.carried(near | edit.relit, added), edit.carried(edit.relit, ~added)
 
 
 def _work(
     context: StageContext,
     drive: Drive,
-    scene: tuple[Surfels, Mask],
+    scene: tuple[Surfels, Mask, Mask],
     clean: Sequence[NDArray[np.uint8]],
     sky: Sky,
     corrections: Corrections | None,
 ) -> BlockwiseReoptimization:
     blocks = cut_into_blocks(drive)
-    surfels, movable = scene
+    surfels, movable, relit = scene
     if corrections is not None:  # what was painted is where it starts from
         color, cover = corrections.of_points(surfels.means.double().numpy())
         surfels, mended = repainted(surfels, color, cover > 0), cover > 0
-        movable = movable | mended
+        movable, relit = movable | mended, relit & ~mended
     return BlockwiseReoptimization(
         surfels,
         movable,
+        relit,
         sky,
         Frames(len(clean), lambda i: (drive.frames[i].camera, clean[i])),
         REOPTIMIZE_PRESETS[context.settings.quality],
