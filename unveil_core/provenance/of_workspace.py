@@ -80,7 +80,7 @@ def looks_of(root: Path, frames: Sequence[Frame], surfels: Surfels, cache: Frame
 
     def look(i: int) -> tuple[NDArray[Any], ...]:
         shown, depth = rendered_origins(marked, frames[i].camera)
-        return _origin_of(root, frames[i], shown, depth, moving), mask_bits(no_street(root, frames[i], moving)), depth
+        return _origin_of(root, frames[i], shown, moving), mask_bits(no_street(root, frames[i], moving)), depth
 
     stored = cache.stored(scratch, len(frames), look)
 
@@ -147,13 +147,13 @@ def _removed_places(root: Path) -> RemovedPlaces:
     return RemovedPlaces(places[read_edit(root / EDIT, len(places)).removed])
 
 
-def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], depth: Float32, moving: Moving) -> NDArray[np.uint8]:
-    """(H, W) origins of a clean frame, of which the empty scene shows origins and depth (H, W)."""
+def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], moving: Moving) -> NDArray[np.uint8]:
+    """(H, W) origins of a clean frame."""
     removed, shadows, unobserved = (
         load_mask(frame_file(root / "masks" / name, frame)) for name in ("removed", "shadows", "unobserved")
     )
     inpainted = read_label_image(frame_file(root / "inpaint/origins", frame))
-    optimized = optimized_pixels(removed, moving.pixels(frame), depth)
+    optimized = optimized_pixels(removed, moving.pixels(frame))
     return frame_origins(shown, inpainted, optimized, (removed | shadows) & ~optimized, unobserved)
 
 

@@ -10,7 +10,7 @@ from tests.pavement import box, tiles
 from unveil_core.base.errors import SettingsError
 from unveil_core.evaluate.metrics import psnr
 from unveil_core.geometry.images import grow
-from unveil_core.inpaint.frames.compose import compose_frame, in_the_light_of, optimized_pixels
+from unveil_core.inpaint.frames.compose import compose_frame, in_the_light_of
 from unveil_core.inpaint.frames.depth import NOTHING_KNOWN_M, complete_depth
 from unveil_core.inpaint.single_image.registry import BUILT_IN, inpainter
 
@@ -30,17 +30,6 @@ def test_untouched_pixels_stay_bit_for_bit() -> None:
     assert (result[24:36, 34:56] == 7).all()
     ring = mask & ~np.pad(mask[21:39, 31:59], ((21, 25), (31, 37)))
     assert ((result[ring] != 7) & (result[ring] != image[ring])).any()  # a soft seam
-
-
-def test_the_filled_frame_is_shown_where_nothing_was_optimized() -> None:
-    removed, moving = np.zeros((2, 64, 96), bool)
-    removed[20:40, 30:60] = True
-    moving[20:40, 20:32] = True
-    depth = np.full(removed.shape, 12.0, np.float32)
-    depth[30:, :50] = 0  # the scene has no surface there
-    optimized = optimized_pixels(removed, moving, depth)
-    assert optimized[25, 50] and optimized[35, 55]
-    assert not optimized[25, 31] and not optimized[35, 45] and not (optimized & ~removed).any()
 
 
 def test_a_mask_on_the_border_of_the_image_works() -> None:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from unveil_core.base.mechanisms import on
-from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.images import border_px, grow, masked_blur, scale_from_384
 
 __all__ = ["compose_frame", "in_the_light_of", "optimized_pixels"]
@@ -34,19 +34,16 @@ def in_the_light_of(rendered: Picture, filled: Picture, removed: Mask) -> Pictur
     return np.clip(np.round(picture + light), 0, 255).astype(np.uint8)
 
 
-def optimized_pixels(removed: Mask, moving: Mask, depth: Float32) -> Mask:
+def optimized_pixels(removed: Mask, moving: Mask) -> Mask:
     """(H, W) pixels that show the optimized scene: those behind removed objects.
 
-    Shadows were relit in the photograph itself. Around dynamic objects nothing was optimized, and where the scene has no surface it
-    only shows what lies behind: there the filled frame is shown, with what other frames saw.
+    Shadows were relit in the photograph itself. Around dynamic objects nothing was optimized: there the inpainted frame is shown,
+    with what other frames saw.
 
     Args:
         removed: (H, W) pixels of removed objects; moving: (H, W) pixels of dynamic ones.
-        depth: (H, W) of the optimized scene, 0 where it has no surface.
     """
-    if not on("optimized_pixels"):
-        return np.zeros_like(removed)
-    return removed & ~grow(moving, border_px(removed.shape[1])) & (depth > 0)
+    return removed & ~grow(moving, border_px(removed.shape[1])) if on("optimized_pixels") else np.zeros_like(removed)
 
 
 def compose_frame(image: Picture, clean: Picture, changed: Mask) -> Picture:

@@ -76,7 +76,8 @@ def run(context: StageContext) -> None:
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        optimized = optimized_pixels(removed, moving.pixels(frame), looks.views.frames[i].depth)
+        # Around dynamic objects nothing was optimized: there the filled frame is shown.
+        optimized = optimized_pixels(removed, moving.pixels(frame))
         street = np.where(optimized[..., None], in_the_light_of(picture, clean[i], optimized), clean[i])
         street = carried_over(photographs, i, street, picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
         delivered = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
