@@ -55,7 +55,7 @@ def sampled(scene: bpy.types.Scene, camera: bpy.types.Object, frames: Sequence[i
     """The camera at each of some frames, one after the other; the scene then stands where it stood.
 
     Raises:
-        ShotError: it is mirrored.
+        ShotError: it is mirrored, or its scale is 0.
     """
     before = scene.frame_current, scene.frame_subframe
     try:
@@ -71,7 +71,12 @@ def _at(
     camera: bpy.types.Object, graph: bpy.types.Depsgraph, scene: bpy.types.Scene, size: tuple[int, int]
 ) -> CameraAt:
     matrix = np.array(camera.matrix_world, dtype=np.float64)
-    turn = matrix[:3, :3] / np.maximum(np.linalg.norm(matrix[:3, :3], axis=0), 1e-12)
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    if scale.min() < 1e-9:
+        raise ShotError(
+            f"{camera.name} has a scale of 0: set it, or that of its parent, to 1 (Set Floor may leave it so)"
+        )
+    turn = matrix[:3, :3] / scale
     if np.linalg.det(turn) <= 0:
         raise ShotError(f"{camera.name} is mirrored: apply its scale, or that of its parent")
     first, _, last = np.linalg.svd(turn)  # single precision leaves it a little off, shear of parents more

@@ -52,9 +52,11 @@ def shot_of(context: bpy.types.Context, folder: Path) -> Taken:
     if camera.get("unveil_track"):
         raise ShotError(f"{camera.name} is a camera of a drive that was imported: choose the shot's own camera")
     frames = range(scene.frame_start, scene.frame_end + 1)
-    pictures, told = _pictures(background, frames, folder)
     metre = metre_of(scene)
-    seen = list(sampled(scene, camera, list(pictures), background.size))
+    # A camera that cannot be used is told before minutes of work on a movie's frames.
+    cameras = dict(zip(frames, sampled(scene, camera, frames, background.size), strict=True))
+    pictures, told = _pictures(background, frames, folder)
+    seen = [cameras[frame] for frame in pictures]
     bent = background.distortion(seen[0].focal[0])
     if any(bent) and max(abs(c.focal[0] / seen[0].focal[0] - 1) for c in seen) > 1e-4:
         raise ShotError(

@@ -163,7 +163,9 @@ def test_what_cannot_be_used_is_told(scene, tmp_path: Path) -> None:
     set_range(scene)
     camera.scale.x = -1
     assert "is mirrored" in told()
-    camera.scale.x = 1
+    camera.scale = 0, 0, 0
+    assert "has a scale of 0" in told()
+    camera.scale = 1, 1, 1
     clip = bpy.data.movieclips.load(str(first))
     clip.frame_start = FIRST
     plate.source, plate.clip = "MOVIE_CLIP", clip
