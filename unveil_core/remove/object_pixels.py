@@ -120,9 +120,10 @@ class ObjectPixels:
         for other in others:
             if other is frame:
                 continue
-            inside, labelled = other.camera.fall_in(places, frame_labels(other, self.scene) >= 0)
-            known += inside & labelled
-            goes += other.camera.fall_in(places, self._chosen(other, np.zeros((), np.float32)))[1]
+            index, pixels, _ = other.camera.shown(places)
+            column, row = pixels.astype(np.int64).T
+            known[index] += frame_labels(other, self.scene)[row, column] >= 0
+            goes[index] += self._chosen(other, np.zeros((), np.float32))[row, column]
         backed = asked.copy()
         backed[asked] = (goes > known / 2) | (known == 0)
         return backed

@@ -74,13 +74,13 @@ def surfels_on(
         spacing: between them, metres, or (N, 2) from row to row and from column to column.
         behind: how far they lie behind the surface, metres.
     """
-    size = np.broadcast_to(spacing, (len(rows), 2)) if np.ndim(spacing) == 0 else np.asarray(spacing)
-    quats, size = _laid(surface, rows, columns, size)
+    normal = surface.normal(rows, columns)
+    quats, size = _laid(surface, rows, columns, normal, np.broadcast_to(spacing, (len(rows), 2)))
     return surfels_from_points(
-        surface.world(rows, columns) - behind * surface.normal(rows, columns),
+        surface.world(rows, columns) - behind * normal,
         np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
         labels,
-        surface.normal(rows, columns),
+        normal,
         size,
         quats=quats,
         sh_degree=sh_degree,
@@ -90,17 +90,17 @@ def surfels_on(
 
 
 def _laid(
-    surface: Surface, rows: NDArray[np.int64], columns: NDArray[np.int64], spacing: Float64
+    surface: Surface, rows: NDArray[np.int64], columns: NDArray[np.int64], normal: Float64, spacing: Float64
 ) -> tuple[Float64, Float64]:
     """Quaternions (N, 4) of surfels that lie in the surface as it rises around them, and how far it is from one to the next along
     both of their axes (N, 2), metres: level ones leave chinks between them on a slope, and more so at a kerb.
 
     Args:
-        spacing: (N, 2) between them as the surface is laid out, metres.
+        normal: (N, 3) of the surface as it is laid out; spacing: (N, 2) between them as the surface is laid out, metres.
     """
     if not len(rows):
         return np.zeros((0, 4)), np.zeros((0, 2))
-    normal, span = surface.normal(rows, columns), []
+    span = []
     for axis, away in enumerate(spacing.T):
         reach = np.maximum(np.round(away / surface.texel / 2), 1).astype(np.int64)
         there, back = (
@@ -108,8 +108,9 @@ def _laid(
         )
         step = (there - back) * (away / (2 * surface.texel * reach))[:, None]
         rise = np.sum(step * normal, axis=1, keepdims=True)
-        one = np.abs(rise) <= STEEPEST * away[:, None]
-        span.append(np.where(one, step, step - rise * normal))
+        # Farther apart than that they are not of one surface: there they stay level.
+        together = np.abs(rise) <= STEEPEST * away[:, None]
+        span.append(np.where(together, step, step - rise * normal))
     along, across = span
     facing = np.cross(along, across)
     facing *= np.where(np.sum(facing * normal, axis=1) < 0, -1.0, 1.0)[:, None]

@@ -28,7 +28,7 @@ def lateral_lines(color: Float32, known: Mask, texel: float) -> Float32:
     """
     detail = np.where(known[..., None], color - masked_blur(color, known, BROAD_M / texel), 0).astype(np.float32)
     reach = ALONG_M / texel, ACROSS_M / texel
-    # Blurs as long as this take most of the time of a street: one serves for all.
+    # One blurred weight serves for all.
     weight = blurred(known.astype(np.float32), reach)
     mean = blurred_over(detail, weight, reach)
     signal = (mean**2).sum(axis=2)

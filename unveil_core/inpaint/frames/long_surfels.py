@@ -31,7 +31,7 @@ def longest_in_view(surface: Surface, cells: tuple[int, int], step: int, cameras
     first, last = (surface.world(begin + more, side) for more in (0, LONGEST * step))
     longest = np.zeros(len(row), np.float32)
     for camera in cameras:
-        # What reaches beyond the picture counts as far as its middle does not.
+        # A row of cells whose middle lies beside the picture is not seen in it.
         shown, _, _ = camera.shown((first + last) / 2, nearest=NEAREST_M)
         (one, near), (other, far) = camera.project(first[shown]), camera.project(last[shown])
         length = np.where(np.minimum(near, far) > NEAREST_M, np.linalg.norm(one - other, axis=1), np.inf)

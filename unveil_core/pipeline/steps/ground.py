@@ -19,7 +19,7 @@ from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
 from unveil_core.ground.fit import DriveGround, GroundEvidence, fit_drive_terrain, measured_ground
 from unveil_core.ground.one_place import LEAST_OWN, goes_round, share_of_own
-from unveil_core.ground.path import fit_path, way_of
+from unveil_core.ground.path import StreetPath, fit_path, way_of
 from unveil_core.ground.plain_fit import NOISY_M
 from unveil_core.ground.street import Ground, as_far_as_shown
 from unveil_core.ground.track import longest_track
@@ -95,12 +95,16 @@ def run(context: StageContext) -> Facts:
         labels, cameras = labels_of_frames(frames, scene, context.cache), [f.camera for f in frames]
         kinds = scene.labels.indices(GROUND_CLASSES)
 
-        def onward(fitted: Ground | None) -> Ground | None:
-            if fitted is None or not on("ground_ahead"):
+        def onward(fitted: Ground) -> Ground:
+            if not on("ground_ahead"):
                 return fitted
             return as_far_as_shown(fitted, cameras, labels, kinds, scene.removable_labels, READ_M)
 
-        street = onward(street) or street
+        def along(way: StreetPath, otherwise: Ground) -> Ground:
+            fitted = evidence.fit(way)
+            return otherwise if fitted is None else onward(fitted)
+
+        street = onward(street)
         hidden = read_moving(workspace.root).hidden(drive, context.cache)
         # The pieces of the street that are read share frames: both are cached.
         usable = context.cache.frames(len(frames), _usable(drive, scene, surfels, hidden, street, labels))
@@ -109,10 +113,10 @@ def run(context: StageContext) -> Facts:
         walls = evidence.side_places(street)
         if on("path_ahead"):
             ahead = path_ahead(street, of_track, *frames_of, kinds=kinds, walls=walls)
-            street = onward(evidence.fit(ahead)) or street
+            street = along(ahead, street)
         if on("rectified_path"):
             rectified = rectified_path(street, *frames_of, context.kept, context.progress)
-            street = onward(evidence.fit(rectified.path)) or street
+            street = along(rectified.path, street)
         path = street.path
     context.progress(3, 4, "fitting the ground")
     terrain = fit_drive_terrain(measured, path.axes, street) if on("terrain") else None
