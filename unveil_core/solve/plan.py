@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,16 +30,20 @@ class SolvePlan:
 
     Attributes:
         why: it would run; empty where the drive is up to date.
-        frames: of all inputs that it takes; width, height: of the first input's, pixels; seconds: how long it takes at most, about.
-        steps: the same of each step, in order.
+        frames: of all inputs that it takes; width, height: of the first input's, pixels.
+        steps: seconds that each step takes at most, about, in order.
     """
 
     why: str
     frames: int
     width: int
     height: int
-    seconds: float
-    steps: dict[str, float] = field(default_factory=dict)
+    steps: dict[str, float]
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes at most, about."""
+        return sum(self.steps.values())
 
     @property
     def would_run(self) -> bool:
@@ -89,7 +93,7 @@ def plan_solve(inputs: Sequence[Path], record: Path, settings: SolveSettings) ->
         raise DriveError("has no frames in that part", path=inputs[0], mend="give --frames within the footage")
     width, height = counted[0][1]
     steps = seconds_by_step(frames, frames, (width, height), NEIGHBOURS * frames, settings.thorough)
-    return SolvePlan(_why(inputs, record, settings), frames, width, height, sum(steps.values()), steps)
+    return SolvePlan(_why(inputs, record, settings), frames, width, height, steps)
 
 
 def _why(inputs: Sequence[Path], record: Path, settings: SolveSettings) -> str:
