@@ -26,6 +26,44 @@ def test_every_index_is_done_once(count: int, size: int, chunk: int) -> None:
     assert (done == 1).all()
 
 
+@pytest.mark.parametrize("count", [2, 5])
+def test_ranges_are_whole_chunks_and_fewer_than_these(count: int) -> None:
+    seen = []
+
+    def kernel(start: int, stop: int) -> None:
+        seen.append((start, stop))
+
+    with threads(count):
+        in_parallel(kernel, 10_001, 10)
+    assert all(start % 10 == 0 and (stop % 10 == 0 or stop == 10_001) for start, stop in seen)
+    assert sum(stop - start for start, stop in seen) == 10_001
+    assert count < len(seen) < 100
+
+
+def test_helpers_at_other_work_are_not_waited_for() -> None:
+    """Two threads ask for help at once, and all helpers are held by the first: the second does everything itself."""
+    release, held = threading.Event(), threading.Semaphore(0)
+
+    def waiting(start: int, stop: int) -> None:
+        held.release()
+        release.wait(20)
+
+    many = (os.cpu_count() or 1) + 2
+    with threads(many):
+        first = threading.Thread(target=in_parallel, args=(waiting, many, 1))
+        first.start()
+        try:
+            for _ in range(2):
+                assert held.acquire(timeout=10)
+            time.sleep(0.05)
+            done = np.zeros(50, int)
+            in_parallel(lambda a, b: done.__setitem__(slice(a, b), 1), 50, 1)
+            assert done.all() and not release.is_set()
+        finally:
+            release.set()
+            first.join()
+
+
 def test_an_error_in_any_thread_arrives_after_all_have_stopped() -> None:
     running = threading.Semaphore(0)
 

@@ -1,8 +1,9 @@
 """Work on ranges, shared out between threads.
 
 A compiled kernel takes ``(start, stop, *arguments)``, releases the interpreter's lock, and writes only what belongs to its
-range. Chunks are handed out as threads become free; since a chunk's result does not depend on who computes it, results
-are the same for any number of threads.
+range. Ranges of whole chunks are handed out as threads become free, large ones first (Polychronopoulos and Kuck, *Guided
+self-scheduling*, 1987): each call of a kernel takes tens of microseconds before it works. Since a chunk's result does not depend
+on who computes it, results are the same for any number of threads.
 
 Work on whole frames that releases the lock most of its time is shared out by :func:`each`, a frame a thread; kernels that such
 work calls then stay in its thread.
@@ -23,6 +24,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import lru_cache
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Any, TypeVar
 
@@ -35,6 +38,10 @@ FAST: dict[str, Any] = {"fastmath": True, "cache": True, "nogil": True, "boundsc
 """How numba compiles a kernel for :func:`in_parallel` whose sums may be taken in any order."""
 EXACT: dict[str, Any] = {"cache": True, "nogil": True}
 """How numba compiles a kernel for :func:`in_parallel` that rounds as it is written."""
+
+
+SHARES = 2
+"""Of what is left when a range is handed out, a thread's share is cut into so many."""
 
 
 def _available() -> int:
@@ -62,9 +69,59 @@ class _Pool:
         self.executor, self.lock = None, threading.Lock()
 
 
-_pool, _own = _Pool(), threading.local()
+class _Share:
+    """What a helper does of a kernel's work, unless it is done before the helper wakes up."""
+
+    def __init__(self, work: Callable[[], None]) -> None:
+        self.work, self.failure = work, None
+        self.free, self.busy = threading.Lock(), threading.Lock()
+        self.busy.acquire()
+
+    failure: BaseException | None
+
+    def do(self) -> None:
+        if not self.free.acquire(blocking=False):
+            return
+        try:
+            self.work()
+        except BaseException as error:
+            self.failure = error
+        finally:
+            self.busy.release()
+
+    def end(self) -> BaseException | None:
+        """Wait until nobody works on it; returns what went wrong."""
+        if not self.free.acquire(blocking=False):
+            self.busy.acquire()
+        return self.failure
+
+
+class _Helpers:
+    """Threads that take shares. A future would cost more than the smallest kernels take."""
+
+    def __init__(self) -> None:
+        self.forget()
+
+    def give(self, shares: Sequence[_Share]) -> None:
+        while len(self.threads) < min(len(shares), _available()):
+            self.threads.append(threading.Thread(target=self._help, args=(self.queue,), name="unveil", daemon=True))
+            self.threads[-1].start()
+        for share in shares:
+            self.queue.put(share)
+
+    @staticmethod
+    def _help(queue: SimpleQueue[_Share]) -> None:
+        while True:
+            queue.get().do()
+
+    def forget(self) -> None:
+        self.queue, self.threads = SimpleQueue[_Share](), list[threading.Thread]()
+
+
+_pool, _helpers, _own = _Pool(), _Helpers(), threading.local()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.forget)
+    os.register_at_fork(after_in_child=_helpers.forget)
 
 
 def thread_count() -> int:
@@ -95,21 +152,35 @@ def in_parallel(kernel: Callable[..., Any], size: int, chunk: int, *arguments: A
         if size > 0:
             kernel(0, size, *arguments)
         return
+    ranges = _ranges(size, chunk, helpers + 1)
     turn = itertools.count()
 
     def work() -> None:
-        while (start := next(turn) * chunk) < size:
-            kernel(start, min(start + chunk, size), *arguments)
+        while (k := next(turn)) < len(ranges):
+            kernel(*ranges[k], *arguments)
 
-    others = [_pool.submit(work) for _ in range(helpers)]
+    shares = [_Share(work) for _ in range(helpers)]
+    _helpers.give(shares)
     try:
         work()
     finally:
         # Nothing may still be writing when this returns, not even after an error here.
-        failures = [f.exception() for f in others]
+        failures = [share.end() for share in shares]
     for failure in failures:
         if failure is not None:
             raise failure
+
+
+@lru_cache(maxsize=512)
+def _ranges(size: int, chunk: int, count: int) -> tuple[tuple[int, int], ...]:
+    """Ranges of whole chunks for ``count`` threads, in the order in which they are handed out."""
+    found, start = [], 0
+    while start < size:
+        left = -(-(size - start) // chunk)
+        stop = min(size, start + chunk * max(1, left // (SHARES * count)))
+        found.append((start, stop))
+        start = stop
+    return tuple(found)
 
 
 def works_alone() -> bool:

@@ -12,6 +12,7 @@ from unveil_core.optimize.adaptation.choices import CHOICES, Looks
 from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree
 from unveil_core.optimize.adaptation.probes import hide, probed_frames
 from unveil_core.optimize.presets import ReconstructSettings
+from unveil_core.optimize.training.arithmetic import torch_in_one_thread
 from unveil_core.optimize.training.schedule import Phase, run_phase
 from unveil_core.optimize.training.trainer import Optimization
 from unveil_core.optimize.training.views import TrainingView
@@ -53,6 +54,7 @@ class Course:
         self.taken, self.most = 0, settings.iterations
         self.at, self.begun, self.stopped = COARSE, 0, False
 
+    @torch_in_one_thread()
     def run(self) -> tuple[Surfels, Sky]:
         """Take all steps, from the last checkpoint on where there is one."""
         s = self.settings

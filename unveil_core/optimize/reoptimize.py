@@ -18,6 +18,7 @@ from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.geometry.camera import Camera
+from unveil_core.optimize.training.arithmetic import torch_in_one_thread
 from unveil_core.optimize.training.card_memory import StepSize, largest_step, place_for
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.optimize.training.parameters import LearningRates
@@ -61,6 +62,7 @@ REOPTIMIZE_PRESETS: dict[str, ReoptimizeSettings] = {
 }
 
 
+@torch_in_one_thread()
 def reoptimize(
     surfels: Surfels,
     movable: NDArray[np.bool_],

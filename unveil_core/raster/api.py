@@ -13,7 +13,7 @@ from torch import Tensor
 from unveil_core.base.parallel import in_parallel
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.autograd import can_render_on, rasterize
-from unveil_core.raster.checks import CHUNK, count_not_finite, label_ends
+from unveil_core.raster.checks import CHUNK, WORTH, count_not_finite, label_ends
 from unveil_core.raster.reference import render_reference
 from unveil_core.raster.spec import MAX_LABELS, PLANES, Limits
 from unveil_core.surfels.surfels import Surfels
@@ -84,7 +84,7 @@ def _check_finite(name: str, values: Tensor) -> None:
         # One vectorized pass; rows are only looked for when something is wrong.
         bits = values.detach().contiguous().numpy().reshape(-1).view(np.uint32)
         bad = np.zeros(-(-len(bits) // CHUNK), np.uint32)
-        in_parallel(count_not_finite, len(bits), 8 * CHUNK, bits, bad)
+        in_parallel(count_not_finite, len(bits), WORTH * CHUNK, bits, bad)
         if not bad.any():
             return
     good = torch.isfinite(values.detach()).reshape(len(values), -1).all(dim=1)
@@ -145,7 +145,7 @@ def _check_values(surfels: Surfels) -> tuple[int, int]:
 def _label_range(labels: Tensor) -> tuple[int, int]:
     array = labels.contiguous().numpy()
     ends = np.empty((-(-len(array) // CHUNK), 2), np.int64)
-    in_parallel(label_ends, len(array), 8 * CHUNK, array, ends)
+    in_parallel(label_ends, len(array), WORTH * CHUNK, array, ends)
     return int(ends[:, 0].min()), int(ends[:, 1].max())
 
 

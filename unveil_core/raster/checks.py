@@ -8,11 +8,13 @@ import numpy as np
 from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import FAST
 
-__all__ = ["CHUNK", "count_not_finite", "label_ends"]
+__all__ = ["CHUNK", "WORTH", "count_not_finite", "label_ends"]
 
 u64 = np.uint64
 CHUNK = 8192
 """Numbers that are looked at together."""
+WORTH = 32
+"""Chunks that are worth a thread: fewer are looked at sooner than one wakes up."""
 
 
 @njit(**FAST)

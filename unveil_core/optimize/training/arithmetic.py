@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import torch
@@ -12,7 +13,7 @@ from unveil_core.optimize.training import losses, torch_losses
 from unveil_core.optimize.training.adam import adam_step
 from unveil_core.optimize.training.torch_adam import adam_step as torch_adam_step
 
-__all__ = ["KERNELS", "Arithmetic", "arithmetic_for"]
+__all__ = ["KERNELS", "Arithmetic", "arithmetic_for", "torch_in_one_thread"]
 
 KERNELS = ("auto", "fused", "torch")
 
@@ -66,3 +67,15 @@ def arithmetic_for(kernels: str, device: torch.device) -> Arithmetic:
     if kernels == "fused" and device.type != "cpu":
         raise ValueError(f"the fused kernels work on the processor, not on {device}")
     return FUSED if kernels == "fused" or (kernels == "auto" and device.type == "cpu") else TORCH
+
+
+@contextmanager
+def torch_in_one_thread() -> Iterator[None]:
+    """Keep torch from threads of its own: what it does between the kernels of a step takes less time than they take to wake, and
+    they would do it on processors that the kernels need."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

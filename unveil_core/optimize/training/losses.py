@@ -62,7 +62,12 @@ class _WithGradients(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
         gradients, ctx.gradients = ctx.gradients, ()  # they are scaled in place: no backward goes twice over one render
-        return None, None, *(torch.from_numpy(g).mul_(grad_outputs[0]) for g in gradients)
+        scale = grad_outputs[0].item()
+        return (
+            None,
+            None,
+            *(torch.from_numpy(g) if scale == 1.0 else torch.from_numpy(g).mul_(scale) for g in gradients),
+        )
 
 
 def _with_gradients(value: float, gradients: tuple[NDArray[np.float32], ...], *inputs: Tensor) -> Tensor:
