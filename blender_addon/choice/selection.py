@@ -43,6 +43,7 @@ __all__ = [
     "column",
     "fill",
     "is_marked",
+    "lists_nothing",
     "marked_file",
     "problem",
     "stands",
@@ -335,9 +336,17 @@ def problem(scene: Any) -> str:
     """One line on why nothing can be removed as things stand, or an empty string."""
     if not current(scene) or any(chosen(scene)):
         return ""
-    if not scene.unveil_selection.objects:
+    if lists_nothing(scene):
         return "Nothing is chosen: the drive has no labelled objects; add a box or mattes"
+    if not scene.unveil_selection.objects:
+        return "Nothing is chosen: tick a class; too few points lie on its objects to tell them apart"
     return "Nothing is chosen: tick what is to go, or click its box"
+
+
+def lists_nothing(scene: Any) -> bool:
+    """Whether the drive has neither objects nor classes that can go."""
+    listed = scene.unveil_selection
+    return not listed.objects and not any(c.removable for c in listed.classes)
 
 
 # ------------------------------------------------------------------------------------------------------------------ filling

@@ -55,7 +55,7 @@ def _step(scene: bpy.types.Scene) -> Step:
     if collection is None:
         return Step("Not in This Scene", "INFO", "unveil.load_workspace", "Bring It Back", "FILE_REFRESH")
     if selection.problem(scene):
-        if not scene.unveil_selection.objects:
+        if selection.lists_nothing(scene):
             return Step(
                 "No Labelled Objects", "INFO", "unveil.outline_object", "Outline by Clicks", "RESTRICT_SELECT_OFF"
             )

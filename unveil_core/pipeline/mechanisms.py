@@ -224,6 +224,10 @@ _LISTED = (
         "frames show the fitted scene behind removed objects; else they show what was filled",
     ),
     Mechanism(
+        "no_sky_below", "reoptimize", ("inpaint.frames.compose:sky_below",),
+        "where the fitted scene would show the sky below the horizon, frames show what was filled",
+    ),
+    Mechanism(
         "filled_light", "reoptimize", ("inpaint.frames.compose:in_the_light_of",),
         "the fitted scene is as bright in a frame as the frame was filled",
     ),

@@ -32,13 +32,13 @@ from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
 from unveil_core.pipeline.steps.import_ import labels_come_from
 from unveil_core.semantics.labels import choose_labels
 from unveil_core.semantics.too_much import much_removed
-from unveil_core.solve.points.of_drive import has_no_points
+from unveil_core.solve.points.of_drive import lacks_points
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["Begun", "found_wrong", "look_at", "run", "run_verb", "stage_named"]
 
-NO_POINTS = (
-    "the drive has no points: optical flow finds them in its photographs, and gives scale and up where files lack these"
+FEW_POINTS = (
+    "the drive has {} points: optical flow finds them in its photographs, and gives scale and up where files lack these"
 )
 
 
@@ -159,14 +159,14 @@ def look_at(
             choose_labels(read, settings.remove, listed)
     if settings.keyframes:
         named_frames(read.frames, settings.keyframes)
-    bare = has_no_points(read)  # the import finds some: what needs points waits for them
+    bare = lacks_points(read)  # the import finds some: what needs points waits for them
     height = None if bare else settings.camera_height
     placed = place_drive(read, scale=settings.scale, up=settings.up, camera_height_m=height)
     findings = [] if checked is None else found_wrong(read, placed, settings, checked)
     level = "warning" if placed.surprising else "notice"
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
     if bare:
-        notices = [Notice("import", NO_POINTS, "notice")]
+        notices = [Notice("import", FEW_POINTS.format(len(read.points.positions) or "no"), "notice")]
     notices += [Notice("import", line, "warning") for line in (*read.notices, *colour_notices(read.frames))]
     notices += [] if not findings else [_worst(findings)]
     if labels == "nothing" and settings.marked is None:

@@ -19,7 +19,7 @@ from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.geometry.images import mask_bits, mask_of_bits, smoothed
-from unveil_core.inpaint.frames.compose import optimized_pixels
+from unveil_core.inpaint.frames.compose import optimized_pixels, sky_below
 from unveil_core.inpaint.origin import ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.provenance.doubts import find_doubts
 from unveil_core.provenance.leftovers import RemovedPlaces, leftovers_of
@@ -80,7 +80,7 @@ def looks_of(root: Path, frames: Sequence[Frame], surfels: Surfels, cache: Frame
 
     def look(i: int) -> tuple[NDArray[Any], ...]:
         shown, depth = rendered_origins(marked, frames[i].camera)
-        return _origin_of(root, frames[i], shown, moving), mask_bits(no_street(root, frames[i], moving)), depth
+        return _origin_of(root, frames[i], shown, depth, moving), mask_bits(no_street(root, frames[i], moving)), depth
 
     stored = cache.stored(scratch, len(frames), look)
 
@@ -147,13 +147,13 @@ def _removed_places(root: Path) -> RemovedPlaces:
     return RemovedPlaces(places[read_edit(root / EDIT, len(places)).removed])
 
 
-def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], moving: Moving) -> NDArray[np.uint8]:
-    """(H, W) origins of a clean frame."""
+def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], depth: Float32, moving: Moving) -> NDArray[np.uint8]:
+    """(H, W) origins of a clean frame; ``shown`` (H, W) and ``depth`` (H, W): of the empty scene in it."""
     removed, shadows, unobserved = (
         load_mask(frame_file(root / "masks" / name, frame)) for name in ("removed", "shadows", "unobserved")
     )
     inpainted = read_label_image(frame_file(root / "inpaint/origins", frame))
-    optimized = optimized_pixels(removed, moving.pixels(frame))
+    optimized = optimized_pixels(removed, moving.pixels(frame), sky_below(frame.camera, depth))
     return frame_origins(shown, inpainted, optimized, (removed | shadows) & ~optimized, unobserved)
 
 

@@ -278,6 +278,24 @@ def test_choices_become_options(addon, scene, made: Path) -> None:
     assert selection.problem(scene)
 
 
+def test_classes_can_be_chosen_where_there_are_no_single_objects(addon, scene, made: Path) -> None:
+    """As where a matchmove gave next to no points."""
+    import bpy
+
+    selection = addon.module("choice.selection")
+    bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    listed = bpy.context.scene.unveil_selection
+    bpy.ops.unveil.choose(which="NONE")
+    listed.objects.clear()
+    listed.classes["car"].objects = 0
+    assert "tick a class" in selection.problem(scene)
+    assert addon.module("ui.next_step").next_step(bpy.context).operator == "unveil.choose"
+    bpy.ops.unveil.choose(which="MOVABLE")
+    assert selection.problem(scene) == ""
+    listed.classes.clear()
+    assert "no labelled objects" in selection.problem(scene)
+
+
 def test_boxes_lie_around_their_objects(addon, scene, made: Path) -> None:
     import bpy
 

@@ -9,8 +9,9 @@ import pytest
 from tests.pavement import box, tiles
 from unveil_core.base.errors import SettingsError
 from unveil_core.evaluate.metrics import psnr
+from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
-from unveil_core.inpaint.frames.compose import compose_frame, in_the_light_of
+from unveil_core.inpaint.frames.compose import compose_frame, in_the_light_of, optimized_pixels, sky_below
 from unveil_core.inpaint.frames.depth import NOTHING_KNOWN_M, complete_depth
 from unveil_core.inpaint.single_image.registry import BUILT_IN, inpainter
 
@@ -111,3 +112,16 @@ def test_the_scene_is_shown_in_the_light_of_the_filled_frame() -> None:
     removed[16:48, 24:72] = True
     found = in_the_light_of(fine, filled, removed)[removed].astype(int)
     assert abs(found.mean() - 150) < 1 and found.std() > 8
+
+
+def test_the_sky_is_not_shown_below_the_horizon() -> None:
+    """A level camera, 1.5 m above the ground: rows from the middle on are below the horizon."""
+    pose = np.eye(4)
+    pose[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    camera = Camera(8, 6, 8.0, 8.0, 4.0, 3.0, pose)
+    depth = np.full((6, 8), 5.0, np.float32)
+    depth[:, 2:5] = 0
+    bare = sky_below(camera, depth)
+    assert bare[3:, 2:5].all() and bare.sum() == 9
+    removed = np.ones((6, 8), bool)
+    assert np.array_equal(optimized_pixels(removed, ~removed, bare), ~bare)

@@ -15,7 +15,7 @@ from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
-from unveil_core.solve.points.of_drive import found_points, has_no_points
+from unveil_core.solve.points.of_drive import found_points, lacks_points
 
 STREET = Path(__file__).parents[3] / "sample_scenes/parked_street"
 
@@ -35,7 +35,7 @@ def bare_street(folder: Path, frames: str = "8:16") -> Path:
 
 def test_they_lie_where_the_lidar_has_its_own(tmp_path: Path) -> None:
     drive = open_drive(bare_street(tmp_path / "drive"), DriveOptions())
-    assert has_no_points(drive)
+    assert lacks_points(drive)
     check_drive(drive)
     found = found_points(drive)
     measured = open_drive(STREET).points.positions
@@ -50,6 +50,15 @@ def test_they_lie_where_the_lidar_has_its_own(tmp_path: Path) -> None:
     low = near & (np.abs(found.positions[:, 2] - centres[:, 2].mean() + 1.6) < 0.3)
     _, nearest = cKDTree(measured).query(found.positions[low])
     assert abs(np.median(found.positions[low, 2] - measured[nearest, 2])) < 0.03
+
+
+def test_a_matchmoves_tracks_are_too_few_and_a_sparse_model_is_not() -> None:
+    drive = open_drive(STREET)
+    frames = len(drive.frames)
+    for each, few in ((7, True), (100, False)):
+        some = drive.points.select(np.arange(each * frames))
+        assert lacks_points(replace(drive, points=some, sweeps=())) is few
+        assert not lacks_points(replace(drive, points=replace(some, measured=True), sweeps=()))
 
 
 def test_two_photographs_are_too_few(tmp_path: Path) -> None:

@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 
 from unveil_core.base.mechanisms import on
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.geometry.axes import UP
+from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow, masked_blur, scale_from_384
 
-__all__ = ["compose_frame", "in_the_light_of", "optimized_pixels"]
+__all__ = ["compose_frame", "in_the_light_of", "optimized_pixels", "sky_below"]
 
 SEAM_PX = 1.0
 """Width of the blend, measured inwards from the border of what was changed: masks reach that far beyond the object, so the blend
@@ -34,16 +36,27 @@ def in_the_light_of(rendered: Picture, filled: Picture, removed: Mask) -> Pictur
     return np.clip(np.round(picture + light), 0, 255).astype(np.uint8)
 
 
-def optimized_pixels(removed: Mask, moving: Mask) -> Mask:
+def optimized_pixels(removed: Mask, moving: Mask, bare: Mask) -> Mask:
     """(H, W) pixels that show the optimized scene: those behind removed objects.
 
     Shadows were relit in the photograph itself. Around dynamic objects nothing was optimized: there the inpainted frame is shown,
-    with what other frames saw.
+    with what other frames saw; and so it is where the scene would show the sky below the horizon.
 
     Args:
         removed: (H, W) pixels of removed objects; moving: (H, W) pixels of dynamic ones.
+        bare: (H, W) pixels that would, see :func:`sky_below`.
     """
-    return removed & ~grow(moving, border_px(removed.shape[1])) if on("optimized_pixels") else np.zeros_like(removed)
+    if not on("optimized_pixels"):
+        return np.zeros_like(removed)
+    optimized = removed & ~grow(moving, border_px(removed.shape[1]))
+    return optimized & ~bare
+
+
+def sky_below(camera: Camera, depth: Float32) -> Mask:
+    """(H, W) pixels below the horizon in which the empty scene has no surface: its depth (H, W) is 0 there."""
+    if not on("no_sky_below"):
+        return np.zeros(depth.shape, bool)
+    return np.asarray((depth == 0) & (camera.rays() @ UP < 0))
 
 
 def compose_frame(image: Picture, clean: Picture, changed: Mask) -> Picture:

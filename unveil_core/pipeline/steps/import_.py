@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from unveil_core.base.errors import DriveError
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive, FrameLabels, PointCloud
@@ -18,7 +19,7 @@ from unveil_core.labelling.boxes_of_points import points_have_classes, with_boxe
 from unveil_core.pipeline.outside import opened
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, StageContext
-from unveil_core.solve.points.of_drive import found_points, has_no_points
+from unveil_core.solve.points.of_drive import found_points, lacks_points
 from unveil_core.workspace.assumptions import Assumption, assumed
 
 __all__ = ["labels_come_from", "labels_of", "run", "work_side_of"]
@@ -62,15 +63,22 @@ def run(context: StageContext) -> Facts:
 
 
 def _with_points(drive: Drive, context: StageContext) -> Drive:
-    """A drive with points: of one that has none those that its photographs show."""
-    if not has_no_points(drive):
+    """A drive with points: those that its photographs show where it lacks them, the few that it has where these show none."""
+    if not lacks_points(drive):
         return drive
 
     def made() -> dict[str, Any]:
-        points = found_points(drive, context.progress)
+        try:
+            points = found_points(drive, context.progress)
+        except DriveError:
+            if not len(drive.points.positions):
+                raise
+            return {}
         return {"positions": points.positions, "colors": points.colors}
 
     found = context.kept.once("points", made)
+    if not found:
+        return drive
     return replace(drive, points=PointCloud(found["positions"], found["colors"]))
 
 

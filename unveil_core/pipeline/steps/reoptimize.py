@@ -23,7 +23,7 @@ from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.ground.files import read_ground
-from unveil_core.inpaint.frames.compose import compose_frame, in_the_light_of, optimized_pixels
+from unveil_core.inpaint.frames.compose import compose_frame, in_the_light_of, optimized_pixels, sky_below
 from unveil_core.inpaint.origin import INVENTED, ORIGINAL, SEEN_ELSEWHERE
 from unveil_core.inpaint.single_image.registry import fill_around, inpainter
 from unveil_core.optimize.adaptation.colour_degree import seen_from_anywhere
@@ -76,8 +76,9 @@ def run(context: StageContext) -> None:
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        # Around dynamic objects nothing was optimized: there the filled frame is shown.
-        optimized = optimized_pixels(removed, moving.pixels(frame))
+        # Around dynamic objects nothing was optimized, and below the horizon is no sky: there the filled frame is shown.
+        bare = sky_below(frame.camera, looks.views.frames[i].depth)
+        optimized = optimized_pixels(removed, moving.pixels(frame), bare)
         street = np.where(optimized[..., None], in_the_light_of(picture, clean[i], optimized), clean[i])
         street = carried_over(photographs, i, street, picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
         delivered = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)

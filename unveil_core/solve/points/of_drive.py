@@ -1,4 +1,4 @@
-"""Points of a drive that has poses and no points."""
+"""Points of a drive that has poses and no points, or next to none."""
 
 from __future__ import annotations
 
@@ -18,18 +18,22 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.solve.points.cloud import dense_points
 from unveil_core.solve.points.straight import Straightened, straightened
 
-__all__ = ["found_points", "has_no_points"]
+__all__ = ["found_points", "lacks_points"]
 
 FIRST_EACH = 3
 """At first each so many-th frame is looked at: enough to see where the ground is."""
 FEWEST = 500
 """Points, with fewer of which a scene cannot begin."""
+FEW_A_FRAME = 30
+"""Points for each frame, with fewer of which a scene does not begin where photographs show more: a matchmove has some tracks a
+frame, a sparse model of structure from motion hundreds."""
 SKY = CITYSCAPES.index("sky")
 
 
-def has_no_points(drive: Drive) -> bool:
-    """Whether a drive's points have to be found in its photographs."""
-    return not len(drive.points.positions) and not drive.sweeps
+def lacks_points(drive: Drive) -> bool:
+    """Whether a drive's points have to be found in its photographs: it has none, or as few as a matchmove has tracks."""
+    few = len(drive.points.positions) < FEW_A_FRAME * len(drive.frames)
+    return not drive.sweeps and (not len(drive.points.positions) or (few and not drive.points.measured))
 
 
 def found_points(drive: Drive, progress: Progress = no_progress) -> PointCloud:
@@ -51,7 +55,7 @@ def found_points(drive: Drive, progress: Progress = no_progress) -> PointCloud:
     found = dense_points(views.cameras, own, views.picture, up, height, progress)
     if len(found.positions) < FEWEST:
         raise DriveError(
-            f"has no points, and its photographs show only {len(found.positions)} places twice",
+            f"has {len(drive.points.positions) or 'no'} points, and its photographs show only {len(found.positions)} places twice",
             path=drive.root,
             mend="give LiDAR or SfM points; photographs of a moving camera, a metre or so apart, show enough",
         )
