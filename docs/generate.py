@@ -251,6 +251,7 @@ PARTS = {
         "without lidar": streets.without_lidar,
         "clicks": real.clicks,
         "solved": real.solved,
+        "beside lidar": real.beside_lidar,
         "points": real.points,
         "real drives": real.real,
         "real drives compared": real.real_against,

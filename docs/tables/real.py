@@ -6,7 +6,7 @@ from typing import Any
 
 from docs.tables.read import mean_se, percent, results, table
 
-__all__ = ["chart_holes", "clicks", "points", "real", "real_against", "solved"]
+__all__ = ["beside_lidar", "chart_holes", "clicks", "points", "real", "real_against", "solved"]
 
 SEQUENCES = {
     "kitti": "KITTI raw 0005",
@@ -44,6 +44,33 @@ def solved() -> str:
             )
         )
     return table(("sequence", "placed", "error", "rotation", "focal length", "scale", "points", "a frame"), rows)
+
+
+PLANTED = {
+    "kitti_0005, draft": "KITTI raw 0005",
+    "nuscenes_0916_front, draft": "nuScenes 0916, front, key frames",
+    "pandaset_002_front, draft": "PandaSet 002, front",
+}
+
+
+def beside_lidar() -> str:
+    """Planted drives unveiled from their images, beside the runs with LiDAR and true cameras."""
+    found = results("beside_lidar")["drives"]
+    rows = []
+    for key, name in PLANTED.items():
+        row = found[key]
+        less = row["images_less_lidar"]
+        dbs = [f"{row[k]['removed']['psnr']['mean']:.1f} dB" for k in ("images", "lidar")]
+        by = [less[f"removed {n}"] for n in ("psnr", "lpips")]
+        rows.append(
+            (
+                name,
+                *dbs,
+                f"{by[0]['mean']:+.1f} ±{by[0]['se']:.1f} dB",
+                f"{by[1]['mean']:+.3f} ±{by[1]['se']:.3f}",
+            )
+        )
+    return table(("drive", "from images", "with LiDAR", "PSNR", "LPIPS"), rows)
 
 
 def points() -> str:
