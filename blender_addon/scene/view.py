@@ -21,6 +21,7 @@ __all__ = [
     "is_decimated",
     "shown_drive",
     "shown_mesh",
+    "shows_drive",
     "when_changed",
 ]
 
@@ -153,6 +154,11 @@ def shown_drive(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     place = scene.unveil.workspace
     return blocks.drive_collection(scene, place) if place else None
 
+
+def shows_drive(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's camera is one of the drive that is shown: others show neither photographs nor clean frames."""
+    collection = shown_drive(scene)
+    return collection is not None and scene.camera is not None and scene.camera.name in collection.all_objects
 
 def has_results(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Whether the drive that is shown has clean frames, for the poll of an operator, which says so where it has none."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from unveil_core.base.kernels.device import name_of_device
@@ -25,6 +25,8 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Stage
 from unveil_core.pipeline.status import stage_states
 from unveil_core.pipeline.steps.import_ import work_side_of
+from unveil_core.solve.costs import seconds_by_step
+from unveil_core.solve.points.of_drive import lacks_points
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["Expected", "expected_of", "expected_of_stages", "workload_of"]
@@ -113,4 +115,12 @@ def expected_of_stages(
         if keep:
             machine.save()
     found = forecast(workload_of(localized(drive, placement), settings), names, machine)
+    if "import" in names and lacks_points(drive):
+        found = replace(found, seconds={**found.seconds, "import": found.seconds["import"] + _points_s(found, machine)})
     return Expected(found, machine, RunClock(found.seconds))
+
+
+def _points_s(found: Forecast, machine: Machine) -> float:
+    """Seconds in which points are found in the photographs of a drive that lacks them."""
+    work = found.workload
+    return (machine.speed or 1.0) * seconds_by_step(0, work.frames, work.size, 0, thorough=False)["points"]
