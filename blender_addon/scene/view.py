@@ -160,6 +160,7 @@ def shows_drive(scene: bpy.types.Scene) -> bool:
     collection = shown_drive(scene)
     return collection is not None and scene.camera is not None and scene.camera.name in collection.all_objects
 
+
 def has_results(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Whether the drive that is shown has clean frames, for the poll of an operator, which says so where it has none."""
     collection = shown_drive(context.scene)
