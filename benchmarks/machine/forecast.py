@@ -1,10 +1,11 @@
 """The forecast's weights, fitted to whole runs, and how far off it is on runs that it was not fitted to.
 
-    python benchmarks/machine/forecast.py --fit WORKSPACE… [--check WORKSPACE…]
+    python benchmarks/machine/forecast.py --fit WORKSPACE… [--memory WORKSPACE…] [--check WORKSPACE…]
 
-Workspaces of finished runs, whose drives are still there. `--fit` writes unveil_core/forecast/costs.json; `--check` compares other
-runs with it, each stage and the whole. Both are recorded in benchmarks/results/forecast.json. A quality that only one run has takes
-the weights of `standard`, scaled by that run.
+Workspaces of finished runs, whose drives are still there. `--fit` writes unveil_core/forecast/costs.json; runs of `--memory` count
+for that alone: they ran beside other work, or not to their end. `--check` compares other runs with it, each stage and
+the whole. Both are recorded in benchmarks/results/forecast.json. A quality that only one run has takes the weights of `standard`,
+scaled by that run.
 """
 
 from __future__ import annotations
@@ -92,8 +93,8 @@ def _reducible(work: Workload) -> Workload:
     return replace(work, side=max(work.size), size=(4 * work.size[0], 4 * work.size[1]))
 
 
-def fit(runs: list[Run]) -> dict[str, Any]:
-    """The table of weights by quality."""
+def fit(runs: list[Run], others: list[Run]) -> dict[str, Any]:
+    """The table of weights by quality; ``others``: further runs, for memory alone."""
     table: dict[str, Any] = {
         "reference_seconds": round(measured_seconds(), 5),
         "seconds": {},
@@ -105,17 +106,18 @@ def fit(runs: list[Run]) -> dict[str, Any]:
         if quality != "standard" and len(some) < 2:
             add_scaled(table, quality, some)
             continue
-        works = [r.work for r in some]
         table["seconds"][quality] = {}
         for stage in STAGES:
             have = [r for r in some if stage.name in r.seconds]
             table["seconds"][quality][stage.name] = weights_of(
                 [r.work for r in have], costs.time_terms, [r.seconds[stage.name] for r in have], LEAST_S
             )
-        table["memory_mb"][quality] = weights_of(
-            works, costs.memory_terms, [r.memory_mb - costs.held_mb(r.work) for r in some], LEAST_MB
-        )
-        table["disk_mb"][quality] = weights_of(works, costs.disk_terms, [r.disk_mb for r in some], LEAST_MB)
+        for_memory = [*some, *(r for r in others if r.work.quality == quality)]
+        held = [r.memory_mb - costs.held_mb(r.work) for r in for_memory]
+        works = [r.work for r in for_memory]
+        table["memory_mb"][quality] = weights_of(works, costs.memory_terms, held, LEAST_MB)
+        works, disk = [r.work for r in some], [r.disk_mb for r in some]
+        table["disk_mb"][quality] = weights_of(works, costs.disk_terms, disk, LEAST_MB)
     return table
 
 
@@ -162,12 +164,14 @@ def main() -> None:
     """Fit, check, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fit", type=Path, nargs="*", default=[])
+    parser.add_argument("--memory", type=Path, nargs="*", default=[])
     parser.add_argument("--check", type=Path, nargs="*", default=[])
     arguments = parser.parse_args()
     results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {}
     if arguments.fit:
         runs = [Run.of(root) for root in arguments.fit]
-        write_json_atomic(Path(costs.__file__).parent / "costs.json", fit(runs))
+        others = [Run.of(root) for root in arguments.memory]
+        write_json_atomic(Path(costs.__file__).parent / "costs.json", fit(runs, others))
         costs._weights.cache_clear()
         results["fitted"] = [compared(run) for run in runs]
     if arguments.check:

@@ -47,10 +47,10 @@ def held_mb(work: Workload) -> float:
 
 
 def memory_terms(work: Workload) -> tuple[float, ...]:
-    """1, length of street read at once and of the whole way, and millions of pixels of a frame as worked on and as it came, beside
-    the held frames."""
-    way, frame = work.way_m, 1.0 / work.frames
-    return 1.0, min(way, LONGEST_M), way, work.working_mpx * frame, _larger(work) * frame
+    """1, length of street read at once, and millions of pixels of a frame as worked on and as it came, beside held frames.
+    Longer drives take no more."""
+    frame = 1.0 / work.frames
+    return 1.0, min(work.way_m, LONGEST_M), work.working_mpx * frame, _larger(work) * frame
 
 
 def disk_terms(work: Workload) -> tuple[float, ...]:
