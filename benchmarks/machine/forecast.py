@@ -32,6 +32,8 @@ from unveil_core.drives.scale_and_up import place_drive  # noqa: E402
 from unveil_core.forecast import costs  # noqa: E402
 from unveil_core.forecast.machine import measured_seconds  # noqa: E402
 from unveil_core.forecast.workload import Workload  # noqa: E402
+from unveil_core.optimize.presets import PRESETS  # noqa: E402
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS  # noqa: E402
 from unveil_core.pipeline.forecasting import workload_of  # noqa: E402
 from unveil_core.pipeline.graph import STAGES  # noqa: E402
 from unveil_core.pipeline.settings import QUALITIES, RunSettings  # noqa: E402
@@ -122,9 +124,14 @@ def fit(runs: list[Run], others: list[Run]) -> dict[str, Any]:
 
 
 def add_scaled(table: dict[str, Any], quality: str, runs: list[Run]) -> None:
-    """Weights of a quality that one run has, or none: those of `standard`, scaled by it."""
+    """Weights of a quality that one run has, or none: those of `standard`, scaled by it, or by the steps of the optimization."""
     for name in ("seconds", "memory_mb", "disk_mb"):
         table[name][quality] = table[name]["standard"]
+    seconds = dict(table["seconds"]["standard"])
+    for stage, presets in (("reconstruct", PRESETS), ("reoptimize", REOPTIMIZE_PRESETS)):
+        more = presets[quality].iterations / presets["standard"].iterations
+        seconds[stage] = [float(f"{w * more:.4g}") for w in seconds[stage]]
+    table["seconds"][quality] = seconds
     if not runs:
         return
     (run,) = runs
