@@ -73,11 +73,10 @@ class _Share:
     """What a helper does of a kernel's work, unless it is done before the helper wakes up."""
 
     def __init__(self, work: Callable[[], None]) -> None:
-        self.work, self.failure = work, None
+        self.work = work
+        self.failure: BaseException | None = None
         self.free, self.busy = threading.Lock(), threading.Lock()
         self.busy.acquire()
-
-    failure: BaseException | None
 
     def do(self) -> None:
         if not self.free.acquire(blocking=False):
