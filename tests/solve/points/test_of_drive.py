@@ -59,6 +59,8 @@ def test_a_matchmoves_tracks_are_too_few_and_a_sparse_model_is_not() -> None:
         some = drive.points.select(np.arange(each * frames))
         assert lacks_points(replace(drive, points=some, sweeps=())) is few
         assert not lacks_points(replace(drive, points=replace(some, measured=True), sweeps=()))
+        classes = np.zeros(len(some.positions), np.uint8)
+        assert not lacks_points(replace(drive, points=replace(some, classes=classes), sweeps=()))
 
 
 def test_two_photographs_are_too_few(tmp_path: Path) -> None:

@@ -31,9 +31,13 @@ SKY = CITYSCAPES.index("sky")
 
 
 def lacks_points(drive: Drive) -> bool:
-    """Whether a drive's points have to be found in its photographs: it has none, or as few as a matchmove has tracks."""
-    few = len(drive.points.positions) < FEW_A_FRAME * len(drive.frames)
-    return not drive.sweeps and (not len(drive.points.positions) or (few and not drive.points.measured))
+    """Whether a drive's points have to be found in its photographs: it has none, or as few as a matchmove has tracks.
+
+    Points that tell more than where they are stay: measured ones, and those with classes.
+    """
+    points, count = drive.points, len(drive.points.positions)
+    telling = points.measured or points.classes is not None
+    return not drive.sweeps and (not count or (count < FEW_A_FRAME * len(drive.frames) and not telling))
 
 
 def found_points(drive: Drive, progress: Progress = no_progress) -> PointCloud:
