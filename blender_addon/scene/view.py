@@ -21,7 +21,6 @@ __all__ = [
     "is_decimated",
     "shown_drive",
     "shown_mesh",
-    "shows_drive",
     "when_changed",
 ]
 
@@ -153,12 +152,6 @@ def shown_drive(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     """The collection of the scene's workspace, None before its import."""
     place = scene.unveil.workspace
     return blocks.drive_collection(scene, place) if place else None
-
-
-def shows_drive(scene: bpy.types.Scene) -> bool:
-    """Whether the scene's camera is one of the drive that is shown: others show neither photographs nor clean frames."""
-    collection = shown_drive(scene)
-    return collection is not None and scene.camera is not None and scene.camera.name in collection.all_objects
 
 
 def has_results(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:

@@ -10,7 +10,8 @@ from typing import Any
 import bpy
 
 from ..formats.table.run_settings import ADVANCED, BASIC, SUN, RunSetting
-from ..scene.view import shown_drive, shows_drive
+from ..scene.drive_scene import tracks_of
+from ..scene.view import shown_drive
 from ..work.stage_states import stage_states
 from ..worker.job_state import duration
 from ..worker.session import session
@@ -69,7 +70,9 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
             row = self.layout.row(align=True)
             row.scale_y = 1.2
             row.prop(context.scene.unveil_view, "state", expand=True)
-            if not shows_drive(context.scene):  # an own camera with its own plate shows neither
+            collection = shown_drive(context.scene)
+            if collection is not None and context.scene.camera not in tracks_of(collection):
+                # An own camera shows its own plate, neither photographs nor clean frames.
                 text = "Look Through the Drive's Camera"
                 self.layout.operator("unveil.look_through", text=text, icon="CAMERA_DATA").track = ""
         self._outcome(context)

@@ -46,25 +46,22 @@ def solved() -> str:
     return table(("sequence", "placed", "error", "rotation", "focal length", "scale", "points", "a frame"), rows)
 
 
-PLANTED = {
-    "kitti_0005, draft": "KITTI raw 0005",
-    "nuscenes_0916_front, draft": "nuScenes 0916, front, key frames",
-    "pandaset_002_front, draft": "PandaSet 002, front",
-}
+PLANTED = {"kitti": "kitti_0005", "nuscenes": "nuscenes_0916_front", "pandaset": "pandaset_002_front"}
+"""Planted drives of sequences."""
 
 
 def beside_lidar() -> str:
     """Planted drives unveiled from their images, beside the runs with LiDAR and true cameras."""
     found = results("beside_lidar")["drives"]
     rows = []
-    for key, name in PLANTED.items():
-        row = found[key]
+    for key, drive in PLANTED.items():
+        row = found[f"{drive}, draft"]
         less = row["images_less_lidar"]
         dbs = [f"{row[k]['removed']['psnr']['mean']:.1f} dB" for k in ("images", "lidar")]
         by = [less[f"removed {n}"] for n in ("psnr", "lpips")]
         rows.append(
             (
-                name,
+                SEQUENCES[key],
                 *dbs,
                 f"{by[0]['mean']:+.1f} ±{by[0]['se']:.1f} dB",
                 f"{by[1]['mean']:+.3f} ±{by[1]['se']:.3f}",

@@ -163,6 +163,10 @@ class Camera:
         local = np.stack(np.broadcast_arrays(xs[None, :], ys[:, None], np.ones((1, 1))), axis=-1)
         return local @ self.world_to_camera[:3, :3]
 
+    def below_horizon(self, up: Float64) -> NDArray[np.bool_]:
+        """(H, W) pixels whose rays go down, against ``up`` (3,): they cannot show the sky."""
+        return np.asarray(self.rays() @ up < 0)
+
     def rays_at(self, pixels: Float64) -> Float64:
         """(N, 3) world directions through image positions (N, 2), as :meth:`rays` has them for the pixel centres."""
         x, y = (pixels[:, 0] - self.cx) / self.fx, (pixels[:, 1] - self.cy) / self.fy

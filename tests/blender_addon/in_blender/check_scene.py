@@ -140,13 +140,13 @@ def test_a_rig_has_a_camera_per_track(addon, scene, made: Path, tmp_path: Path) 
             len(files) == 2
             and Path(files[0]).read_bytes() == (made / f"rig/images/0{track == 'left':d}.png").read_bytes()
         )
-    view = addon.module("scene.view")
+    tracks_of = addon.module("scene.drive_scene").tracks_of
     own = bpy.data.objects.new("Own", bpy.data.cameras.new("Own"))  # as of a matchmove: it shows its own plate
     scene.collection.objects.link(own)
     scene.camera = own
-    assert not view.shows_drive(scene)
+    assert scene.camera not in tracks_of(scene.collection.children[0])
     bpy.ops.unveil.look_through(track="front")
-    assert view.shows_drive(scene)
+    assert scene.camera in tracks_of(scene.collection.children[0])
     assert greatest_error(addon, tracks["front"], tmp_path / "ws", points) < 0.01
     values = []
     for n in (1001, 1002):

@@ -56,7 +56,7 @@ def sky_below(camera: Camera, depth: Float32) -> Mask:
     """(H, W) pixels below the horizon in which the empty scene has no surface: its depth (H, W) is 0 there."""
     if not on("no_sky_below"):
         return np.zeros(depth.shape, bool)
-    return np.asarray((depth == 0) & (camera.rays() @ UP < 0))
+    return (depth == 0) & camera.below_horizon(UP)
 
 
 def compose_frame(image: Picture, clean: Picture, changed: Mask) -> Picture:

@@ -150,7 +150,7 @@ def background_layers(
     places = task.camera.centre + rendered["depth"][over_ground, None] * task.camera.rays()[over_ground]
     in_front[over_ground] = ground.over(ground.path.to_street(places)) > least[over_ground]
     from_chart = chart.covered & ~in_front & task.removed
-    below_horizon = task.camera.rays() @ ground.path.axes[2] < 0
+    below_horizon = task.camera.below_horizon(ground.path.axes[2])
     return BackgroundLayers(rendered, solid, chart, in_front, from_chart, below_horizon)
 
 
