@@ -100,8 +100,8 @@ _LISTED = (
         "how bright the ground looks by the place in the picture is calibrated, and taken from the chart",
     ),
     Mechanism(
-        "robust_chart", "inpaint", ("inpaint.chart.texels:Texels.again",),
-        "the chart is read twice, so that looks that differ from most count little",
+        "robust_chart", "inpaint", ("inpaint.chart.nearest_looks", "inpaint.chart.texels:Texels.around"),
+        "the chart is read twice, so that looks that differ from most of the nearest count for nothing",
     ),
     Mechanism(
         "footprint_hulls", "inpaint", ("inpaint.chart.footprint:_pieces",), "an object stands on the hull of its low surfels",

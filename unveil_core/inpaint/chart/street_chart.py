@@ -19,8 +19,9 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import border_px
+from unveil_core.geometry.images import border_px, sample_at
 from unveil_core.ground.street import Ground
+from unveil_core.inpaint.chart.nearest_looks import NearestLooks
 from unveil_core.inpaint.chart.surface import shown_places
 from unveil_core.inpaint.chart.texels import Texels
 from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
@@ -53,8 +54,6 @@ READ_M = 45.0
 PLANES = ("color", "label", "source", "gain", "nearest", "replaced")
 
 
-SAMPLES = 10_000
-"""Looks of a view, evenly chosen, of which the median difference is taken."""
 ALIKE = 0.08
 """Of its depth, by which the scene may lie before the ground and be it all the same."""
 
@@ -187,7 +186,7 @@ def read_chart(
         labels: (H, W) compact labels per view.
         usable: (H, W) bool per view, True where a pixel shows the ground and nothing else.
         rows: first and last but one of the rows that are read; None = all.
-        robust: read twice, so that looks that differ from most count little.
+        robust: read twice, so that looks that differ from most of the nearest count for nothing (:class:`NearestLooks`).
     """
     t_low, t_high = float(ground.t_min.min()), float(ground.t_max.max())
     first_row, end_row = rows or (0, rows_of(ground))
@@ -206,16 +205,18 @@ def read_chart(
         # Where nothing is shown the view need not even be loaded.
         return (index, pixel, depth, images[v], labels[v], usable[v]) if len(index) else ()
 
-    rounds = (0, 1) if robust else (0,)
-    for again in rounds:
-        differences = []
-        for v, view in enumerate(each(look, range(len(cameras)))):
+    if robust:
+        looks = NearestLooks(height * width)
+        for view in each(look, range(len(cameras))):
             if view:
-                found = texels.add(*view)
-                differences.append(found[:: max(1, len(found) // SAMPLES)])
-            progress(again * len(cameras) + v + 1, len(rounds) * len(cameras), "reading the street")
-        if again != rounds[-1] and differences:
-            texels = texels.again(np.concatenate(differences))
+                index, pixel, depth, image, _, shown = view
+                good = shown[pixel[:, 1].astype(np.int64), pixel[:, 0].astype(np.int64)]
+                looks.add(index[good], depth[good], sample_at(image, pixel[good]))
+        texels = texels.around(looks)
+    for v, view in enumerate(each(look, range(len(cameras)))):
+        if view:
+            texels.add(*view)
+        progress(v + 1, len(cameras), "reading the street")
     known = texels.weight > 0
     return StreetChart(
         ground=ground,

@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64
-from unveil_core.geometry.fields.robust import MAD_TO_DEVIATION
 from unveil_core.geometry.images import sample_at
+from unveil_core.inpaint.chart.nearest_looks import NearestLooks
 
 __all__ = ["Texels"]
 
 NEARNESS_POWER = 4
 """A view weighs as its depth to the power of minus this: at a grazing angle its resolution along the street falls with the
 square of the depth, and the variance of what it shows of a texel with the fourth power."""
-
-
-OUTLIER = 1.5
-"""Multiple of the usual difference from a texel's mean, as a standard deviation, at which a look weighs half (Cauchy)."""
-LEAST_SPREAD = 3.0
-"""Least standard deviation of these differences, levels."""
+OUTLIER = 4.685
+"""Standard deviations from a texel's centre from which on a look weighs nothing: Tukey's biweight at 95 % efficiency (Huber and
+Ronchetti, *Robust Statistics*, 2009, section 4.8). Weights that only fall would not do: the nearest of a few looks may count a
+hundred times as much as the others."""
+TRACE = 1e-6
+"""Weight of the centre in place of a look that differs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,9 @@ class Texels:
         total: (T, 3) weighted sum of colours, 0 to 255; weight: (T,) sum of the weights.
         nearest: (T,) depth of the texel in its nearest view, metres, inf where none shows it.
         label: (T,) the label that most of the weight names, -1 unknown; votes: (T,) by how much it leads.
-        expected: (T, 3) colour by a first reading, from which looks must not be far; None = none was made.
-        spread: usual difference from it, levels.
+        centre: (T, 3) what most of the nearest looks show, levels of 255, NaN where nothing is known; looks far from it count for
+            nothing. None = all looks count.
+        spread: standard deviation of looks from it, levels.
     """
 
     total: Float64
@@ -42,7 +43,7 @@ class Texels:
     nearest: Float64
     label: NDArray[np.int16]
     votes: Float64
-    expected: Float32 | None = None
+    centre: Float32 | None = None
     spread: float = 0.0
 
     @staticmethod
@@ -51,16 +52,11 @@ class Texels:
         label = np.full(count, -1, dtype=np.int16)
         return Texels(np.zeros((count, 3)), nothing.copy(), np.full(count, np.inf), label, nothing)
 
-    def again(self, differences: Float32) -> Texels:
-        """None of them seen, for a second reading, in which looks that are far from the first count little: a car that passed, its
-        shadow, a pole that no label names.
-
-        Args:
-            differences: (M,) of looks from what their texels showed, see :meth:`add`.
-        """
-        spread = MAD_TO_DEVIATION * float(np.median(differences)) if len(differences) else 0.0
-        second = Texels.unseen(len(self.weight))
-        return replace(second, expected=255 * self.color(), spread=max(spread, LEAST_SPREAD))
+    def around(self, looks: NearestLooks) -> Texels:
+        """None of them seen, for a reading in which what differs from most of the nearest looks does not count: a car that passed,
+        its shadow, a pole that no label names. Where all that is read differs, the centre itself is the colour."""
+        centre, spread = looks.centre()
+        return replace(Texels.unseen(len(self.weight)), centre=centre, spread=spread)
 
     def add(
         self,
@@ -70,14 +66,12 @@ class Texels:
         image: NDArray[Any],
         label: NDArray[np.int64],
         usable: NDArray[np.bool_],
-    ) -> Float32:
+    ) -> None:
         """Add one view.
 
         Args:
             index: (N,) texels that lie in the picture; pixel: (N, 2) where; depth: (N,) metres.
             image: (H, W, 3), levels of 255; label: (H, W); usable: (H, W) bool.
-        Returns:
-            (M,) by how much what it shows differs from what was seen of the same texels before, in the channel that differs most.
         """
         column, row = pixel.astype(np.int64).T
         good = usable[row, column]
@@ -85,7 +79,7 @@ class Texels:
         closer = depth < self.nearest[index]
         self.nearest[index[closer]] = depth[closer]
         w = (1.0 / depth) ** NEARNESS_POWER
-        return self.take(index, pixel[good], w, image, label[row[good], column[good]])
+        self.take(index, pixel[good], w, image, label[row[good], column[good]])
 
     def take(
         self,
@@ -94,22 +88,21 @@ class Texels:
         w: Float64,
         image: NDArray[Any],
         label: NDArray[np.int64] | None = None,
-    ) -> Float32:
+    ) -> None:
         """Take the looks of one view, see :meth:`add`, each with a weight (N,) and perhaps a label (N,)."""
         if not len(index):
-            return np.zeros(0, np.float32)
+            return
         found = sample_at(image, pixel)
-        seen = self.weight[index] > 0
-        before = self.total[index[seen]] / self.weight[index[seen], None]
-        difference = np.abs(found[seen] - before).max(axis=1).astype(np.float32)
-        if self.expected is not None:
-            far = np.abs(found - self.expected[index]).max(axis=1)
-            w = w / (1 + np.square(far / (OUTLIER * self.spread)))
+        if self.centre is not None:
+            far = np.abs(found - self.centre[index]).max(axis=1) / (OUTLIER * self.spread)
+            # A look that counts for nothing leaves the centre a trace, so that what is only seen so has a colour and a label.
+            agrees = np.where(np.isnan(far), 1.0, np.square(np.maximum(1 - np.square(far), 0)))
+            found = np.where((agrees < TRACE)[:, None], self.centre[index], found)
+            w = w * np.maximum(agrees, TRACE)
         self.total[index] += found * w[:, None]
         self.weight[index] += w
         if label is not None:
             self._vote(index, label, w)
-        return difference
 
     def _vote(self, index: NDArray[np.int64], label: NDArray[np.int64], weight: Float64) -> None:
         """Majority by weight in one pass (Boyer and Moore, *MJRTY*, 1991): another label takes away from the lead of the first."""
