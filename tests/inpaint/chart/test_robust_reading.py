@@ -17,13 +17,16 @@ PLACE = (14.0, 15.0, -1.5, 1.5)
 """A piece of road: first and last s, first and last t, metres."""
 
 
+Road = tuple[Ground, list[Camera]]
+
+
 @pytest.fixture(scope="module")
-def road() -> tuple[Ground, list[Camera]]:
+def road() -> Road:
     cameras = [c.resized(288, 192) for c in drive_on_circle(np.inf, 0.0, frames=14)]
     return fit_street_heights(fit_path(cameras), street_points(np.inf, 0.0)), cameras
 
 
-def shown_of(road: tuple[Ground, list[Camera]], shaded_looks: int) -> np.ndarray:
+def shown_of(road: Road, shaded_looks: int) -> np.ndarray:
     """(N, 3) what the chart shows of a piece of a grey road, over which a shadow lies in the nearest frames."""
     ground, cameras = road
     low, high, right, left = PLACE
@@ -50,12 +53,12 @@ def shown_of(road: tuple[Ground, list[Camera]], shaded_looks: int) -> np.ndarray
 
 
 @pytest.mark.parametrize("shaded_looks", [0, 1, 2, 3])
-def test_a_shadow_that_lies_there_in_the_nearest_frames_leaves_nothing(road: tuple[Ground, list[Camera]], shaded_looks: int) -> None:
+def test_a_shadow_that_lies_there_in_the_nearest_frames_leaves_nothing(road: Road, shaded_looks: int) -> None:
     shown = shown_of(road, shaded_looks)
     assert len(shown) > 1000
     assert np.abs(shown - GREY).max() < 4
 
 
-def test_what_lies_there_in_most_of_the_nearest_frames_is_the_street(road: tuple[Ground, list[Camera]]) -> None:
+def test_what_lies_there_in_most_of_the_nearest_frames_is_the_street(road: Road) -> None:
     shown = shown_of(road, 12)
     assert np.abs(np.median(shown) - SHADED) < 3

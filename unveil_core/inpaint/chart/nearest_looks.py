@@ -22,9 +22,9 @@ LEAST_SPREAD = 3.0
 class NearestLooks:
     """The nearest looks at each of T texels, kept while the views are read one by one.
 
-    The centre of a texel is their median by channel, each look counting the same however near it is: its breakdown point is that of
-    the median, (n - 1) // 2 of the n nearest looks, n <= :data:`LOOKS`. A mean weighted by nearness, one look of which may have nearly
-    all of the weight, has none.
+    The centre of a texel is their median by channel. Each look counts the same, however near it is: the breakdown point is that of
+    the median, (n - 1) // 2 of the n nearest looks, n <= :data:`LOOKS`. A mean weighted by nearness has none, for one look may have
+    nearly all of the weight.
     """
 
     def __init__(self, count: int) -> None:
