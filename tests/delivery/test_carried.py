@@ -122,3 +122,27 @@ def test_there_are_no_hard_seams() -> None:
     found = carried_over(street_of(views, plain), 0, rendered, rendered, hole())
     rows = found[HOLE].astype(int)
     assert np.abs(np.diff(rows, axis=1)).max() <= 6
+
+
+def waves(phase: float = 0.0) -> np.ndarray:
+    """(H, W, 3) levels of something smooth, longer than the ring is wide and shorter than the hole is long."""
+    row, column = np.mgrid[: SIZE[1], : SIZE[0]].astype(float)
+    level = 110 + 20 * np.sin(column / 9 + phase) + 15 * np.cos(row / 7 + phase)
+    return np.repeat(np.round(level)[..., None], 3, axis=2).astype(np.uint8)
+
+
+def test_a_photograph_of_something_else_is_not_taken_for_being_fitted_to_the_ring() -> None:
+    """After a smooth correction it agrees with the ring that it was corrected by, and says nothing of the hole."""
+    views, _ = drive()
+    truth = waves()
+    rendered = truth + np.uint8(4)  # right, but for the light
+    found = carried_over(street_of(views, [truth, *(waves(1.9 + k) for k in range(3))]), 0, rendered, rendered, hole())
+    assert error(found, truth) < 5
+
+
+def test_photographs_and_scene_are_lit_alike_before_they_are_compared() -> None:
+    """A sharp render in another light beats a blurred photograph in the right one."""
+    views, pictures = drive()
+    rendered = np.clip(pictures[0].astype(int) - 12, 0, 255).astype(np.uint8)
+    found = carried_over(street_of(views, [pictures[0], *(smooth(p) for p in pictures[1:])]), 0, rendered, rendered, hole())
+    assert error(found, pictures[0]) < 13
