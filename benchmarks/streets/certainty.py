@@ -1,18 +1,21 @@
 """Fits and checks the certainty of delivered pixels on finished workspaces of drives with truth.
 
-    python benchmarks/streets/certainty.py WORKSPACE WORKSPACE ... [--check WORKSPACE ...]
+    python benchmarks/streets/certainty.py WORKSPACE ... --planted WORKSPACE ... [--check WORKSPACE ...]
 
-For each origin a logistic function of the doubts is fitted (unveil_core/provenance). Each workspace is also predicted by a fit
-to all others: the reliability is that of drives that the fit has not seen. What follows ``--check`` is predicted by the fit to
-all before. Results go to benchmarks/results/certainty.json; the models in unveil_core/provenance/certainty.py are copied from
-there.
+For each origin a logistic function of the doubts is fitted (unveil_core/provenance), to drawn streets and to real drives with planted
+cars (``real_drives/real.py`` makes these runs: CACHE/DRIVE/round_N/runs/KEY/workspace), of which the pixels behind the cars are read.
+Each drive is also predicted by a fit to all others: the reliability is that of drives that the fit has not seen, and what is called
+certain is chosen by the real ones. What follows ``--check`` is predicted by the fit to all before. Results go to
+benchmarks/results/certainty.json; the models in unveil_core/provenance/certainty.py are copied from there.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,19 +23,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from unveil_core.base.frame_cache import FrameCache
-from unveil_core.base.pictures.decoding import read_image
-from unveil_core.bench.timing import machine
-from unveil_core.drives.imported import read_imported
-from unveil_core.evaluate.delivered import read_delivered
-from unveil_core.evaluate.pictures import fitted, truth_file
-from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
-from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right, right_pixels
-from unveil_core.provenance.doubts import DOUBTS
-from unveil_core.provenance.of_workspace import looks_of, provenance_of
-from unveil_core.surfels.ply import read_surfels
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
 
-RESULTS = Path(__file__).resolve().parents[2] / "benchmarks/results/certainty.json"
+from benchmarks.real_drives.planted import kept_rounds  # noqa: E402
+from unveil_core.base.frame_cache import FrameCache  # noqa: E402
+from unveil_core.base.pictures.decoding import read_image  # noqa: E402
+from unveil_core.base.types import Mask, Picture  # noqa: E402
+from unveil_core.bench.timing import machine  # noqa: E402
+from unveil_core.drives.drive import Frame  # noqa: E402
+from unveil_core.drives.imported import read_imported  # noqa: E402
+from unveil_core.evaluate.delivered import read_delivered  # noqa: E402
+from unveil_core.evaluate.pictures import fitted, truth_file  # noqa: E402
+from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE  # noqa: E402
+from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right, right_pixels  # noqa: E402
+from unveil_core.provenance.doubts import DOUBTS  # noqa: E402
+from unveil_core.provenance.of_workspace import looks_of, provenance_of  # noqa: E402
+from unveil_core.surfels.ply import read_surfels  # noqa: E402
+
+RESULTS = ROOT / "benchmarks/results/certainty.json"
 KINDS = {"relit": RELIT, "seen_elsewhere": SEEN_ELSEWHERE, "continued": CONTINUED, "invented": INVENTED}
 BINS = (0.0, 0.6, 0.8, 0.9, 0.95, 1.0)
 """Limits of the expectation: most pixels are expected to be right, so that equal bins would say little of them."""
@@ -42,9 +51,8 @@ MOST_FITTED = 5000
 """Pixels of each origin and drive that a fit looks at, drawn evenly: neighbours are right or wrong together, so that more
 tell little more, and a fit to 19 drives would take minutes."""
 PURITY = 0.95
-"""Share of the pixels called certain that have to be right, over drives that the fit has not seen, all counting the same."""
-LEAST_PURITY = 0.88
-"""Share that has to be right on nine of ten such drives: on a street where glass mirrors what was removed no level reaches more."""
+"""Share of the pixels called certain that has to be right, behind planted cars of real drives that the fit has not seen, all counting
+the same."""
 LEVELS = (224, 228, 232, 236, 240, 244, 248)
 """Levels at which the means over drives are written down."""
 LEAST_CALLED = 50
@@ -55,34 +63,59 @@ Models = dict[int, tuple[float, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """P changed pixels of a workspace: name; origin (P,), doubts (P, D), right (P,)."""
+    """P changed pixels of a workspace: name; real, whether it is of a real drive; origin (P,), doubts (P, D), right (P,)."""
 
     name: str
+    real: bool
     origin: NDArray[np.uint8]
     doubts: NDArray[np.float32]
     right: NDArray[np.bool_]
 
 
-def read_sample(root: Path) -> Sample:
-    """All changed pixels of the frames that the truth shows."""
-    drive = read_imported(root / "drive")
+Truth = Callable[[int, Frame], tuple[Picture, Mask] | None]
+"""Of a frame by its number the true empty street (H, W, 3) and where (H, W) it is known; None where it is not."""
+
+
+def drawn_truth(root: Path) -> Truth:
+    """Of a workspace of a drive that has a truth folder."""
+    truth_root = read_imported(root / "drive", points=False).truth_root
+
+    def of(_: int, frame: Frame) -> tuple[Picture, Mask] | None:
+        path = None if truth_root is None else truth_file(truth_root / "images", frame)
+        if path is None:
+            return None
+        shape = (frame.camera.height, frame.camera.width)
+        return fitted(read_image(path), shape), np.ones(shape, bool)
+
+    return of
+
+
+def planted_truth(root: Path) -> Truth:
+    """Of a workspace of a planted drive: the photographs behind the cars."""
+    kept = next(r for r in kept_rounds(root.parents[3]) if r.folder == root.parents[2])
+    held = kept.frames()
+    return lambda i, _: (read_image(held[i].frame.image_path), held[i].region)
+
+
+def read_sample(root: Path, truth: Truth, name: str, *, real: bool) -> Sample:
+    """All changed pixels of a workspace that the truth shows."""
+    drive = read_imported(root / "drive", points=False)
     surfels = read_surfels(root / "surfels/empty.ply")
     origins, doubts, right = [], [], []
     with tempfile.TemporaryDirectory() as scratch:
         cache = FrameCache()
         looks = looks_of(root, drive.frames, surfels, cache, Path(scratch))
-        every = list(provenance_of(root, root, drive.frames, looks, cache))
-    for known in every:
-        path = None if drive.truth_root is None else truth_file(drive.truth_root / "images", known.frame)
-        if path is None:
-            continue
-        changed = known.origin != ORIGINAL
-        delivered = read_delivered(root, known.frame)
-        street = fitted(read_image(path), delivered.shape)
-        origins.append(known.origin[changed])
-        doubts.append(known.doubts)
-        right.append(right_pixels(delivered, street)[changed])
-    return Sample(root.name, np.concatenate(origins), np.concatenate(doubts), np.concatenate(right))
+        for i, known in enumerate(provenance_of(root, root, drive.frames, looks, cache)):
+            shown = truth(i, known.frame)
+            if shown is None:
+                continue
+            street, where = shown
+            changed = known.origin != ORIGINAL
+            asked = where[changed]
+            origins.append(known.origin[changed][asked])
+            doubts.append(known.doubts[asked])
+            right.append(right_pixels(read_delivered(root, known.frame), street)[changed][asked])
+    return Sample(name, real, np.concatenate(origins), np.concatenate(doubts), np.concatenate(right))
 
 
 def fit(samples: list[Sample]) -> Models:
@@ -141,12 +174,12 @@ def _right_shares(predicted: list[tuple[NDArray[np.uint8], NDArray[np.bool_]]], 
 
 
 def threshold(predicted: list[tuple[NDArray[np.uint8], NDArray[np.bool_]]]) -> int:
-    """The lowest level from which on ``PURITY`` is right on the mean of all drives, and ``LEAST_PURITY`` on nine of ten."""
+    """The lowest level from which on ``PURITY`` is right on the mean of all drives; the highest where none is."""
     for level in range(128, ORIGINAL_LEVEL):
         shares = _right_shares(predicted, level)
-        if not shares or (np.mean(shares) >= PURITY and np.quantile(shares, 0.1) >= LEAST_PURITY):
+        if not shares or np.mean(shares) >= PURITY:
             return level
-    return ORIGINAL_LEVEL
+    return ORIGINAL_LEVEL - 1
 
 
 def reliability(levels: NDArray[np.uint8], right: NDArray[np.bool_], certain: int) -> dict[str, object]:
@@ -192,18 +225,26 @@ def _mean(predicted: list[tuple[NDArray[np.uint8], NDArray[np.bool_]]], certain:
 
 
 def main() -> None:
-    """Fit, predict each workspace by a fit to the others, and write the result."""
-    split = sys.argv.index("--check") if "--check" in sys.argv else len(sys.argv)
-    samples = [read_sample(Path(folder)) for folder in sys.argv[1:split]]
-    checks = [read_sample(Path(folder)) for folder in sys.argv[split + 1 :]]
+    """Fit, predict each drive by a fit to the others, and write the result."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("drawn", nargs="*", type=Path, help="workspaces of drives with a truth folder")
+    parser.add_argument("--planted", nargs="+", type=Path, default=[], help="workspaces of planted drives")
+    parser.add_argument("--check", nargs="+", type=Path, default=[], help="workspaces that are not fitted to")
+    arguments = parser.parse_args()
+    samples = [read_sample(root, drawn_truth(root), root.name, real=False) for root in arguments.drawn]
+    for root in (path.resolve() for path in arguments.planted):
+        samples.append(read_sample(root, planted_truth(root), root.parents[3].name, real=True))
+    checks = [read_sample(root, drawn_truth(root), root.name, real=False) for root in arguments.check]
     models = fit(samples)
     by_others = []
     for one in samples:
         others = [s for s in samples if s is not one]
-        held_out = fit(others) if others else models
-        by_others.append((levels_of(one, held_out), one.right))
-    certain = threshold(by_others)
-    fitted_levels = [levels_of(s, models) for s in samples]
+        by_others.append((levels_of(one, fit(others) if others else models), one.right))
+    groups = {
+        name: [p for s, p in zip(samples, by_others, strict=True) if s.real == real]
+        for name, real in (("drawn", False), ("real", True))
+    }
+    certain = threshold(groups["real"] or groups["drawn"])
     predicted = [(levels_of(s, models), s.right) for s in checks]
     document = {
         "machine": machine(),
@@ -211,9 +252,8 @@ def main() -> None:
         "ceilings": {name: CEILINGS[kind] for name, kind in KINDS.items()},
         "models": {name: models[kind] for name, kind in KINDS.items()},
         "certain": certain,
-        "mean": {"not_fitted_on": _mean(by_others, certain), "checked": _mean(predicted, certain)},
+        "mean": {**{n: _mean(g, certain) for n, g in groups.items()}, "checked": _mean(predicted, certain)},
         "not_fitted_on": {s.name: reliability(p, r, certain) for s, (p, r) in zip(samples, by_others, strict=True)},
-        "fitted_on": {s.name: reliability(p, s.right, certain) for s, p in zip(samples, fitted_levels, strict=True)},
         "checked": {
             s.name: reliability(levels, right, certain) for s, (levels, right) in zip(checks, predicted, strict=True)
         },

@@ -144,5 +144,7 @@ def test_photographs_and_scene_are_lit_alike_before_they_are_compared() -> None:
     """A sharp render in another light beats a blurred photograph in the right one."""
     views, pictures = drive()
     rendered = np.clip(pictures[0].astype(int) - 12, 0, 255).astype(np.uint8)
-    found = carried_over(street_of(views, [pictures[0], *(smooth(p) for p in pictures[1:])]), 0, rendered, rendered, hole())
+    found = carried_over(
+        street_of(views, [pictures[0], *(smooth(p) for p in pictures[1:])]), 0, rendered, rendered, hole()
+    )
     assert error(found, pictures[0]) < 13

@@ -62,7 +62,8 @@ def alternate(
 
 
 def machine() -> dict[str, Any]:
-    """What the figures were taken on."""
+    """What the figures were taken on, and of which state of the program: ``commit`` as :func:`program_commit` has it, of the checkout
+    that this is imported from."""
     processor = platform.processor()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.is_file():
@@ -78,6 +79,7 @@ def machine() -> dict[str, Any]:
             versions[package] = None
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {
+        "commit": program_commit(Path(__file__).resolve().parents[2]),
         "processor": processor,
         "cores": os.cpu_count(),
         "system": platform.platform(),

@@ -7,7 +7,9 @@ removed objects that this frame's own photograph shows as well:
 * a small shift, one for the ground and one for what stands on it (:mod:`unveil_core.delivery.alignment`);
 * the difference in light, carried smoothly from the ring into the hole, as in seamless cloning (Farbman et al., *Coordinates for
   instant image cloning*, SIGGRAPH 2009): exposure, vignetting, and the glare of the road, which changes with the view;
-* how wrong it is, against how wrong the rendered scene is there. Whichever errs less around a place is shown in it.
+* how wrong it is, against how wrong the rendered scene is there, in the light of the ring as well. Whichever errs less around a
+  place is shown in it. An error is told by a part of the ring to which the light was not fitted: with as many unknowns as a
+  smooth correction has, anything agrees with the ring that it was fitted to.
 """
 
 from __future__ import annotations
@@ -47,6 +49,9 @@ FEATHER_PX = 2.0
 END_PX = 1.0
 """Width over which a photograph fades where it shows no more, pixels at 384. Of 0, 1, 2 and 4 the one with the least LPIPS of whole
 cars on KITTI; the wider, the less is left of thin strips."""
+FOLD_PX = 16.0
+"""Side of the squares, by turns fitted to and judged by, pixels at 384: as wide as the ring, so that a judged pixel is as far from
+those that were fitted to as the hole is."""
 LEAST_LEVELS = 2.0
 """Least standard deviation of differences on the ring, levels of 255."""
 BLURS_PX = (1.0, 2.0)
@@ -110,10 +115,36 @@ class _Places:
         """Whether so many pixels of the ring tell anything."""
         return int(mask.sum()) >= area_px(self.asked.shape, LEAST_RING_PX)
 
-    def error(self, picture: Float32, ring: Mask) -> Float32:
-        """(h, w) squared error of a picture (h, w, 3) on the ring (h, w), carried smoothly everywhere."""
-        left = masked_blur(np.where(ring[..., None], picture - self.photograph, 0), ring, COMPARED_PX * self.scale)
-        return self.smooth((np.square(left) @ MEAN)[..., None], ring)[..., 0]
+    def in_this_light(self, picture: Float32, shown: Mask) -> _Layer | None:
+        """A picture (h, w, 3), which shows the places where ``shown`` (h, w) says so, in this frame's light; None where the ring does
+        not tell that."""
+        lit, error = np.zeros_like(picture), np.full(shown.shape, UNKNOWN)
+        for surface in self.surfaces:
+            mask = shown & surface
+            ring = mask & self.ring
+            if self.enough(ring) and (mask & self.wanted).any():
+                left = self.photograph - picture
+                lit[mask] = (picture + self.light(left, ring))[mask]
+                error[mask] = self.error(left, ring)[mask]
+        return _Layer(lit, error) if np.isfinite(error).any() else None
+
+    def light(self, left: Float32, ring: Mask) -> Float32:
+        """(h, w, 3) differences on the ring (h, w), carried smoothly everywhere, and held near their median where the two show
+        different things."""
+        known = left[ring]
+        return self.smooth(held_near_median(left, known[:: max(1, len(known) // SAMPLES)], LEAST_LEVELS), ring)
+
+    def error(self, left: Float32, ring: Mask) -> Float32:
+        """(h, w) squared error that a picture in this frame's light has, as the ring (h, w) tells by cross-validation: differences
+        ``left`` (h, w, 3) in one half of its squares, less the light fitted to the other half, carried smoothly everywhere."""
+        row, column = (np.arange(n) // max(1, round(FOLD_PX * self.scale)) for n in ring.shape)
+        even = (row[:, None] + column) % 2 == 0
+        unlike = np.where(ring[..., None], left, 0)
+        for judged in (even & ring, ~even & ring):
+            if (fitted := ring & ~judged).any():
+                unlike[judged] -= self.light(left, fitted)[judged]
+        blurred = masked_blur(unlike, ring, COMPARED_PX * self.scale)
+        return self.smooth((np.square(blurred) @ MEAN)[..., None], ring)[..., 0]
 
     def feathered(self, mask: Mask) -> Float32:
         """(h, w) a mask with a soft border."""
@@ -143,19 +174,16 @@ def carried_over(given: Photographs, own: int, street: Picture, rendered: Pictur
     part, places = _places(given, own, wanted)
     base = street[part].astype(np.float32)
     sought = places.wanted[places.asked]
-    warped = [
+    photographs = [
         found
         for j in choose_sources(places.points[sought], own, given.views, SOURCES, places.ground[places.asked][sought])
-        if (found := _warped(given, j, places)) is not None
+        if (found := _photograph(given, j, places)) is not None
     ]
-    if not warped:
+    if not photographs:
         return street
-    ours = np.full(wanted[part].shape, UNKNOWN)
-    for surface in places.surfaces:
-        if places.enough(ring := places.ring & surface):
-            ours[surface] = places.error(rendered[part].astype(np.float32), ring)[surface]
+    scene = places.in_this_light(rendered[part].astype(np.float32), np.ones_like(places.wanted))
     result = street.copy()
-    mixed = _mixed(base, ours, warped, places)
+    mixed = _mixed(base, scene, photographs, places)
     result[part] = np.where(places.wanted[..., None], np.clip(np.round(mixed), 0, 255).astype(np.uint8), street[part])
     return result
 
@@ -182,8 +210,8 @@ def _places(given: Photographs, own: int, wanted: Mask) -> tuple[tuple[slice, sl
 
 
 @dataclass(frozen=True, eq=False)
-class _Warped:
-    """A photograph in place of another.
+class _Layer:
+    """What the hole could show.
 
     Attributes:
         picture: (h, w, 3) in this frame's light; error: (h, w) squared, as far as the ring tells, infinite where it shows nothing.
@@ -193,7 +221,7 @@ class _Warped:
     error: Float32
 
 
-def _warped(given: Photographs, j: int, places: _Places) -> _Warped | None:
+def _photograph(given: Photographs, j: int, places: _Places) -> _Layer | None:
     """What frame ``j`` shows of the places; None where that is nothing, or nothing by which it could be judged."""
     index, pixels, depth = sees(given.views.frames[j], places.points, places.ground[places.asked])
     finer = places.size[index] / (depth / given.views.cameras[j].fx)
@@ -202,7 +230,7 @@ def _warped(given: Photographs, j: int, places: _Places) -> _Warped | None:
     picture_there = given.pictures[j].astype(np.float32)
     levels = [picture_there, *(cv2.GaussianBlur(picture_there, (0, 0), blur) for blur in BLURS_PX)]
     planes = shift_planes(luminance(picture_there))
-    picture, error = np.zeros_like(places.photograph), np.full(shown.shape, UNKNOWN)
+    picture = np.zeros_like(places.photograph)
     for surface in places.surfaces:
         mask = shown & surface
         ring = mask & places.ring
@@ -211,13 +239,9 @@ def _warped(given: Photographs, j: int, places: _Places) -> _Warped | None:
         shift = np.zeros(2)
         if on("aligned_photographs"):
             shift = find_shift(planes, at[ring][:, :2], luminance(places.photograph[ring]))
-        plane = np.zeros_like(picture)
         position = at[mask]
-        plane[mask] = _sampled(levels, position[:, :2] + shift, position[:, 2])
-        plane += places.smooth(_difference(places.photograph - plane, ring), ring)
-        picture[mask] = plane[mask]
-        error[mask] = places.error(plane, ring)[mask]
-    return _Warped(picture, error) if np.isfinite(error).any() else None
+        picture[mask] = _sampled(levels, position[:, :2] + shift, position[:, 2])
+    return places.in_this_light(picture, shown)
 
 
 def _sampled(levels: Sequence[Float32], pixels: Float64, finer: Float32) -> Float32:
@@ -232,18 +256,13 @@ def _sampled(levels: Sequence[Float32], pixels: Float64, finer: Float32) -> Floa
     return found
 
 
-def _difference(left: Float32, ring: Mask) -> Float32:
-    """(h, w, 3) differences on the ring, held near their median where the two show different things."""
-    known = left[ring]
-    return held_near_median(left, known[:: max(1, len(known) // SAMPLES)], LEAST_LEVELS)
-
-
-def _mixed(base: Float32, ours: Float32, warped: Sequence[_Warped], places: _Places) -> Float32:
+def _mixed(base: Float32, scene: _Layer | None, photographs: Sequence[_Layer], places: _Places) -> Float32:
     """(h, w, 3) at each pixel what errs least, with soft seams.
 
     Args:
-        base: (h, w, 3) of the empty street; ours: (h, w) its squared error.
+        base: (h, w, 3) of the empty street, shown where the scene errs least; scene: in this frame's light.
     """
+    warped, ours = photographs, np.full(places.wanted.shape, UNKNOWN) if scene is None else scene.error
     errors = np.stack([np.where(places.wanted, w.error, UNKNOWN) for w in warped])
     best, least = errors.argmin(axis=0), errors.min(axis=0)
     taken = least < ours
