@@ -2,11 +2,11 @@
 
     python benchmarks/streets/certainty.py WORKSPACE ... --planted WORKSPACE ... [--check WORKSPACE ...]
 
-For each origin a logistic function of the doubts is fitted (unveil_core/provenance), to drawn streets and to real drives with planted
-cars (``real_drives/real.py`` makes these runs: CACHE/DRIVE/round_N/runs/KEY/workspace), of which the pixels behind the cars are read.
-Each drive is also predicted by a fit to all others: the reliability is that of drives that the fit has not seen, and what is called
-certain is chosen by the real ones. What follows ``--check`` is predicted by the fit to all before. Results go to
-benchmarks/results/certainty.json; the models in unveil_core/provenance/certainty.py are copied from there.
+For each origin a logistic function of the doubts is fitted (unveil_core/provenance), to drawn streets and to real drives with
+planted cars (``real_drives/real.py`` makes these runs: CACHE/DRIVE/round_N/runs/KEY/workspace), of which the pixels behind the
+cars are read. Each drive is also predicted by a fit to all others: the reliability is that of drives that the fit has not seen,
+and what is called certain is chosen by the real ones. What follows ``--check`` is predicted by the fit to all before. Results go
+to benchmarks/results/certainty.json; the models in unveil_core/provenance/certainty.py are copied from there.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ MOST_FITTED = 5000
 """Pixels of each origin and drive that a fit looks at, drawn evenly: neighbours are right or wrong together, so that more
 tell little more, and a fit to 19 drives would take minutes."""
 PURITY = 0.95
-"""Share of the pixels called certain that has to be right, behind planted cars of real drives that the fit has not seen, all counting
-the same."""
+"""Share of the pixels called certain that has to be right, behind planted cars of real drives that the fit has not seen, all
+counting the same."""
 LEVELS = (224, 228, 232, 236, 240, 244, 248)
 """Levels at which the means over drives are written down."""
 LEAST_CALLED = 50

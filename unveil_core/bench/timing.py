@@ -62,8 +62,8 @@ def alternate(
 
 
 def machine() -> dict[str, Any]:
-    """What the figures were taken on, and of which state of the program: ``commit`` as :func:`program_commit` has it, of the checkout
-    that this is imported from."""
+    """What the figures were taken on, and of which state of the program: ``commit`` as :func:`program_commit` has it, of the
+    checkout that this is imported from."""
     processor = platform.processor()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.is_file():
