@@ -116,8 +116,7 @@ class _Places:
         return int(mask.sum()) >= area_px(self.asked.shape, LEAST_RING_PX)
 
     def in_this_light(self, picture: Float32, shown: Mask) -> _Layer | None:
-        """A picture (h, w, 3), which shows the places where ``shown`` (h, w) says so, in this frame's light; None where the ring does
-        not tell that."""
+        """A picture (h, w, 3) that shows the places ``shown`` (h, w), in this frame's light; None where no ring tells that."""
         lit, error = np.zeros_like(picture), np.full(shown.shape, UNKNOWN)
         for surface in self.surfaces:
             mask = shown & surface
