@@ -261,13 +261,12 @@ def _mixed(base: Float32, scene: _Layer | None, photographs: Sequence[_Layer], p
     Args:
         base: (h, w, 3) of the empty street, shown where the scene errs least; scene: in this frame's light.
     """
-    warped, ours = photographs, np.full(places.wanted.shape, UNKNOWN) if scene is None else scene.error
-    errors = np.stack([np.where(places.wanted, w.error, UNKNOWN) for w in warped])
+    errors = np.stack([np.where(places.wanted, photograph.error, UNKNOWN) for photograph in photographs])
     best, least = errors.argmin(axis=0), errors.min(axis=0)
-    taken = least < ours
+    taken = least < (UNKNOWN if scene is None else scene.error)
     total = places.feathered(places.wanted & ~taken)
     mixed = base * total[..., None]
-    for k, one in enumerate(warped):
+    for k, one in enumerate(photographs):
         shown = np.isfinite(errors[k])
         if (mine := taken & (best == k)).any():
             share = places.feathered(mine)
