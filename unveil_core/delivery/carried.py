@@ -156,13 +156,15 @@ class _Places:
         return pull_push(plane, known.astype(np.float32), levels)
 
 
-def carried_over(given: Photographs, own: int, street: Picture, rendered: Picture, wanted: Mask) -> Picture:
-    """The empty street in a frame, with what other photographs show better than the scene.
+def carried_over(
+    given: Photographs, own: int, street: Picture, rendered: Picture, wanted: Mask, optimized: Mask
+) -> Picture:
+    """The empty street in a frame, of what other photographs and the scene show that which errs least.
 
     Args:
         own: the frame's number.
         street: (H, W, 3) of the empty street; rendered: (H, W, 3) of the empty scene; both in canonical colours.
-        wanted: (H, W) pixels that another frame has seen.
+        wanted: (H, W) pixels that another frame has seen; optimized: (H, W) those in which the street is the scene.
     Returns:
         (H, W, 3) in canonical colours; the street itself where the pixels are not wanted.
     """
@@ -172,17 +174,18 @@ def carried_over(given: Photographs, own: int, street: Picture, rendered: Pictur
         return street
     part, places = _places(given, own, wanted)
     base = street[part].astype(np.float32)
+    scene, errs = places.in_this_light(rendered[part].astype(np.float32), np.ones_like(places.wanted)), UNKNOWN
+    if scene is not None:
+        base = np.where((optimized[part] & np.isfinite(scene.error))[..., None], scene.picture, base)
+        errs = scene.error
     sought = places.wanted[places.asked]
     photographs = [
         found
         for j in choose_sources(places.points[sought], own, given.views, SOURCES, places.ground[places.asked][sought])
         if (found := _photograph(given, j, places)) is not None
     ]
-    if not photographs:
-        return street
-    scene = places.in_this_light(rendered[part].astype(np.float32), np.ones_like(places.wanted))
+    mixed = _mixed(base, errs, photographs, places) if photographs else base
     result = street.copy()
-    mixed = _mixed(base, scene, photographs, places)
     result[part] = np.where(places.wanted[..., None], np.clip(np.round(mixed), 0, 255).astype(np.uint8), street[part])
     return result
 
@@ -255,15 +258,15 @@ def _sampled(levels: Sequence[Float32], pixels: Float64, finer: Float32) -> Floa
     return found
 
 
-def _mixed(base: Float32, scene: _Layer | None, photographs: Sequence[_Layer], places: _Places) -> Float32:
+def _mixed(base: Float32, errs: Float32 | np.float32, photographs: Sequence[_Layer], places: _Places) -> Float32:
     """(h, w, 3) at each pixel what errs least, with soft seams.
 
     Args:
-        base: (h, w, 3) of the empty street, shown where the scene errs least; scene: in this frame's light.
+        base: (h, w, 3) of the empty street; errs: (h, w) its squared error.
     """
     errors = np.stack([np.where(places.wanted, photograph.error, UNKNOWN) for photograph in photographs])
     best, least = errors.argmin(axis=0), errors.min(axis=0)
-    taken = least < (UNKNOWN if scene is None else scene.error)
+    taken = least < errs
     total = places.feathered(places.wanted & ~taken)
     mixed = base * total[..., None]
     for k, one in enumerate(photographs):

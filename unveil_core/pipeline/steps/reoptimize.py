@@ -80,7 +80,8 @@ def run(context: StageContext) -> None:
         bare = sky_below(frame.camera, looks.views.frames[i].depth)
         optimized = optimized_pixels(removed, moving.pixels(frame), bare)
         street = np.where(optimized[..., None], in_the_light_of(picture, clean[i], optimized), clean[i])
-        street = carried_over(photographs, i, street, picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
+        elsewhere = removed & (looks.origins[i] == SEEN_ELSEWHERE)
+        street = carried_over(photographs, i, street, picture, elsewhere, optimized)
         delivered = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
         write_image_atomic(finished, delivered if corrections is None else corrections.work_size(i, delivered))
 
