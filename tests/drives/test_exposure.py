@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import write_image_atomic
 from unveil_core.drives.exposure import IDENTITY, Exposure, Exposures, read_exposures, write_exposures
 
 DIM = Exposure(np.array([0.6, 0.7, 0.65]), np.array([0.02, -0.01, 0.0]))
@@ -37,6 +38,22 @@ def test_what_is_brighter_than_white_stays() -> None:
     canonical = DIM.canonical(np.full((1, 1, 3), 255, np.uint8))
     assert (canonical > 255 / 0.75).all()
     assert np.allclose(DIM.photographed(canonical), 255)
+
+
+@pytest.mark.parametrize(
+    "known", [{}, {("front", "07"): DIM, ("front", "08"): Exposure(np.full(3, 1.4), np.full(3, 0.05))}]
+)
+def test_between_stages_a_picture_keeps_all_that_photographs_show(
+    known: dict[tuple[str, str], Exposure], tmp_path: Path
+) -> None:
+    exposures = Exposures(known)
+    ends = np.array([[[0, 0, 0]], [[255, 255, 255]]], np.uint8)
+    for exposure in (IDENTITY, *known.values()):
+        canonical = exposure.canonical(ends)
+        write_image_atomic(tmp_path / "a.png", exposures.packed(canonical))
+        assert np.abs(exposures.read_packed(tmp_path / "a.png") - canonical).max() < 1.01 / 257
+    own = np.arange(256, dtype=np.uint8)[:, None, None].repeat(3, axis=2)
+    assert known or np.array_equal(exposures.packed(own), own.astype(np.uint16) * 257)
 
 
 def test_exposures_are_kept_in_a_file(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from unveil_core.base.mechanisms import on
-from unveil_core.base.types import Float32, Float64, Mask, Picture
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.delivery.alignment import find_shift, shift_planes
 from unveil_core.delivery.views import EmptyViews, choose_sources, places_behind, sees
 from unveil_core.geometry.fields.pull_push import pull_push
@@ -63,12 +63,12 @@ class Photographs:
     """What frames can take from one another.
 
     Attributes:
-        views: of all frames; pictures: (H, W, 3) uint8, their photographs in canonical colours.
+        views: of all frames; pictures: (H, W, 3) levels of 255, their photographs in canonical colours.
         ground: the street's, None where there is none.
     """
 
     views: EmptyViews
-    pictures: Sequence[Picture]
+    pictures: Sequence[Levels]
     ground: Ground | None
 
 
@@ -126,7 +126,7 @@ class _Places:
         return pull_push(plane, known.astype(np.float32), levels)
 
 
-def carried_over(given: Photographs, own: int, street: Picture, rendered: Picture, wanted: Mask) -> Picture:
+def carried_over(given: Photographs, own: int, street: Levels, rendered: Levels, wanted: Mask) -> Levels:
     """The empty street in a frame, with what other photographs show better than the scene.
 
     Args:
@@ -154,9 +154,9 @@ def carried_over(given: Photographs, own: int, street: Picture, rendered: Pictur
     for surface in places.surfaces:
         if places.enough(ring := places.ring & surface):
             ours[surface] = places.error(rendered[part].astype(np.float32), ring)[surface]
-    result = street.copy()
+    result = street.astype(np.float32)
     mixed = _mixed(base, ours, warped, places)
-    result[part] = np.where(places.wanted[..., None], np.clip(np.round(mixed), 0, 255).astype(np.uint8), street[part])
+    result[part] = np.where(places.wanted[..., None], mixed, street[part])
     return result
 
 
