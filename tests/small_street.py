@@ -65,6 +65,12 @@ def pose_at(x: float) -> np.ndarray:
 
 def picture(pose: np.ndarray, crowded: bool, shrink: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Image (H, W, 3) uint8 BGR, antialiased, and classes (H, W) of an OpenGL pose; ``shrink`` times smaller."""
+    colors, classes = colors_seen(pose, crowded, shrink)
+    return (colors * 255).round().astype(np.uint8), classes
+
+
+def colors_seen(pose: np.ndarray, crowded: bool, shrink: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """The same in [0, 1], not rounded."""
     width, height, focal = WIDTH // shrink, HEIGHT // shrink, FOCAL / shrink
     total, classes = np.zeros((height, width, 3)), np.zeros((height, width), np.uint8)
     for dx, dy in ((0.5, 0.5), (0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)):
@@ -78,7 +84,7 @@ def picture(pose: np.ndarray, crowded: bool, shrink: int = 1) -> tuple[np.ndarra
             classes = kind.reshape(height, width).astype(np.uint8)
         else:
             total += shade(points, kind).reshape(height, width, 3) / 4
-    return (total[..., ::-1] * 255).round().astype(np.uint8), classes
+    return total[..., ::-1], classes
 
 
 def true_depth(pose: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import write_image_atomic
 from unveil_core.drives.exposure import IDENTITY, Exposure, Exposures, read_exposures, write_exposures
 
 DIM = Exposure(np.array([0.6, 0.7, 0.65]), np.array([0.02, -0.01, 0.0]))
@@ -19,16 +20,40 @@ def test_the_identity_hands_back_the_picture_itself() -> None:
     assert IDENTITY.canonical(picture) is picture and IDENTITY.photographed(picture) is picture
 
 
-def test_out_and_in_again_is_the_same_up_to_rounding() -> None:
-    canonical = np.random.default_rng(0).integers(10, 250, (20, 30, 3)).astype(np.uint8)
-    photograph = DIM.photographed(canonical)
-    assert np.abs(photograph / 255 - (canonical / 255 * DIM.gain + DIM.bias)).max() <= 0.5 / 255 + 1e-9
-    again = DIM.canonical(photograph)
-    assert np.abs(again.astype(int) - canonical).max() <= 1
+@pytest.mark.parametrize(
+    "exposure", [DIM, Exposure(np.full(3, 0.7), np.zeros(3)), Exposure(np.full(3, 1.6), np.full(3, 0.03))]
+)
+@pytest.mark.parametrize("bits", [8, 16])
+def test_in_and_out_again_is_the_same_on_all_levels(exposure: Exposure, bits: int) -> None:
+    """To half a step of 16 bits, and above the level that a gain brings to white, too."""
+    most = (1 << bits) - 1
+    codes = np.repeat(np.arange(most + 1, dtype=np.uint8 if bits == 8 else np.uint16)[:, None, None], 3, axis=2)
+    photograph = codes if bits == 8 else codes.astype(np.float32) / 257
+    canonical = exposure.canonical(photograph)
+    assert np.abs(canonical / 255 - (codes / most - exposure.bias) / exposure.gain).max() < 0.5 / 65535
+    assert np.abs(exposure.photographed(canonical) / 255 - codes / most).max() < 0.5 / 65535
 
 
-def test_what_is_brighter_than_white_is_clipped() -> None:
-    assert DIM.canonical(np.full((1, 1, 3), 255, np.uint8)).tolist() == [[[255, 255, 255]]]
+def test_what_is_brighter_than_white_stays() -> None:
+    canonical = DIM.canonical(np.full((1, 1, 3), 255, np.uint8))
+    assert (canonical > 255 / 0.75).all()
+    assert np.allclose(DIM.photographed(canonical), 255)
+
+
+@pytest.mark.parametrize(
+    "known", [{}, {("front", "07"): DIM, ("front", "08"): Exposure(np.full(3, 1.4), np.full(3, 0.05))}]
+)
+def test_between_stages_a_picture_keeps_all_that_photographs_show(
+    known: dict[tuple[str, str], Exposure], tmp_path: Path
+) -> None:
+    exposures = Exposures(known)
+    ends = np.array([[[0, 0, 0]], [[255, 255, 255]]], np.uint8)
+    for exposure in (IDENTITY, *known.values()):
+        canonical = exposure.canonical(ends)
+        write_image_atomic(tmp_path / "a.png", exposures.packed(canonical))
+        assert np.abs(exposures.read_packed(tmp_path / "a.png") - canonical).max() < 1.01 / 257
+    own = np.arange(256, dtype=np.uint8)[:, None, None].repeat(3, axis=2)
+    assert known or np.array_equal(exposures.packed(own), own.astype(np.uint16) * 257)
 
 
 def test_exposures_are_kept_in_a_file(tmp_path: Path) -> None:

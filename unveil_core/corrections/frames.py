@@ -29,8 +29,8 @@ __all__ = ["Corrections", "corrected_frames"]
 
 COVERED = 1 / 512
 """Opacity above which a pixel is corrected: less than half a level of 8 bits."""
-Invent = Callable[[int, Mask], NDArray[np.uint8]]
-"""A frame's clean picture (H, W, 3) of working size, with a mask (H, W) of it invented anew."""
+Invent = Callable[[int, Mask], Float32]
+"""A frame's clean picture (H, W, 3) in [0, 1] of working size, with a mask (H, W) of it invented anew."""
 
 
 def corrected_frames(corrections: Sequence[Correction], frames: Sequence[Frame]) -> list[int]:
@@ -99,7 +99,7 @@ class Corrections:
         work = _at_work(whole, frame)
         if correction.invent:
             mask = work[..., 3] > COVERED
-            work = np.dstack([as_color(invent(index, mask)), mask.astype(np.float32)])
+            work = np.dstack([invent(index, mask), mask.astype(np.float32)])
             whole = _at_size(work, frame)
         return _Paint(index, whole, work)
 
@@ -123,10 +123,9 @@ class Corrections:
             color, cover = _under(color, cover, new, over)
         return color, cover
 
-    def work_size(self, i: int, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The working picture (H, W, 3) of frame ``i``, corrected, likewise."""
-        mixed: NDArray[np.uint8] = _mixed(picture, *self.at_work(i))  # type: ignore[assignment]
-        return mixed
+    def work_size(self, i: int, picture: NDArray[Any]) -> NDArray[Any]:
+        """The working picture (H, W, 3) of frame ``i``, corrected, likewise; of a file's 8 or 16 bits, or float32 in [0, 1]."""
+        return _mixed(picture, *self.at_work(i))
 
     def full_size(self, i: int, picture: NDArray[Any]) -> NDArray[Any]:
         """A delivered picture (H, W), (H, W, 3) or (H, W, 4) of frame ``i``, corrected; elsewhere it is as it was, bit for bit."""

@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 
 from unveil_core.base.mechanisms import on
-from unveil_core.base.types import Float32, Float64, Mask, Picture
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.delivery.alignment import find_shift, shift_planes
 from unveil_core.delivery.views import EmptyViews, choose_sources, places_behind, sees
 from unveil_core.geometry.fields.pull_push import pull_push
@@ -68,12 +68,12 @@ class Photographs:
     """What frames can take from one another.
 
     Attributes:
-        views: of all frames; pictures: (H, W, 3) uint8, their photographs in canonical colours.
+        views: of all frames; pictures: (H, W, 3) levels of 255, their photographs in canonical colours.
         ground: the street's, None where there is none.
     """
 
     views: EmptyViews
-    pictures: Sequence[Picture]
+    pictures: Sequence[Levels]
     ground: Ground | None
 
 
@@ -157,8 +157,8 @@ class _Places:
 
 
 def carried_over(
-    given: Photographs, own: int, street: Picture, rendered: Picture, wanted: Mask, optimized: Mask
-) -> Picture:
+    given: Photographs, own: int, street: Levels, rendered: Levels, wanted: Mask, optimized: Mask
+) -> Levels:
     """The empty street in a frame, of what other photographs and the scene show that which errs least.
 
     Args:
@@ -185,8 +185,8 @@ def carried_over(
         if (found := _photograph(given, j, places)) is not None
     ]
     mixed = _mixed(base, errs, photographs, places) if photographs else base
-    result = street.copy()
-    result[part] = np.where(places.wanted[..., None], np.clip(np.round(mixed), 0, 255).astype(np.uint8), street[part])
+    result = street.astype(np.float32)
+    result[part] = np.where(places.wanted[..., None], mixed, street[part])
     return result
 
 

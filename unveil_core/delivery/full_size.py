@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.mechanisms import on
+from unveil_core.base.pictures.levels import colors_of
 from unveil_core.base.plates.colours import PlateColours
-from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.delivery.detail import FINER_THAN, BestSource, Detail, sensor_noise
 from unveil_core.delivery.lens import footage_positions, work_positions
 from unveil_core.delivery.moved_ground import ground_points
@@ -47,13 +48,13 @@ class CleanFrame:
 
     Attributes:
         footage: that it was made of.
-        photograph: (H, W, 3) uint8; clean: (H, W, 3) uint8, the empty street.
+        photograph: (H, W, 3) levels of 255; clean: (H, W, 3) of the empty street, likewise.
         removed: (H, W) bool, pixels of removed objects; relit: (H, W) bool, pixels from which only a shadow was taken.
     """
 
     footage: Footage
-    photograph: NDArray[np.uint8]
-    clean: NDArray[np.uint8]
+    photograph: Levels
+    clean: Levels
     removed: Mask
     relit: Mask
 
@@ -175,7 +176,7 @@ def _relit(frame: CleanFrame, at: Float64, original: Float32) -> Float32:
     Where they gained more than ``RATIOS`` allow, the colour is still theirs, and only the footage's detail is held back: with each
     channel held for itself the shade of a car, which is dark and blue, would stay blue.
     """
-    before, after = (p.astype(np.float32) / 255 + DARKEST for p in (frame.photograph, frame.clean))
+    before, after = (colors_of(p) + DARKEST for p in (frame.photograph, frame.clean))
     weight = frame.relit[..., None].astype(np.float32)
     # Beside them lie pixels of removed objects, whose change is no light.
     share = sample_at(weight, at)
@@ -202,7 +203,7 @@ def _sharpened(
     asked = cv2.dilate(frame.removed.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     ground = seen_ground(view.camera, asked, drive.ground)
     detail, sources = _detail(frame, asked, ground, index, drive)
-    colors = sample_at(_levels(frame.clean), at, cv2.INTER_CUBIC)
+    colors = sample_at(colors_of(frame.clean), at, cv2.INTER_CUBIC)
     depth = sample_at(view.depth, at, cv2.INTER_NEAREST)[:, 0].astype(np.float64)
     met = ground.met(at)
     on_ground = ground_before(met[:, 0], depth)
@@ -223,11 +224,6 @@ def _sharpened(
         grain = np.nan_to_num(grain)
     colors += ((1 - believed) * grain)[:, None]
     return colors
-
-
-def _levels(picture: NDArray[np.uint8]) -> Float32:
-    """A picture (H, W, 3) in [0, 1]."""
-    return picture.astype(np.float32) / np.float32(255)
 
 
 def _detail(
@@ -251,7 +247,7 @@ def _detail(
     points = camera.centre + depth[:, None] * camera.rays_at(at[known])
     sources = choose_sources(points, index, drive.views, SOURCES)
     part = _box(asked, round(4 * FINER_THAN)) if asked.any() else np.s_[:, :]
-    best = BestSource(_levels(frame.clean[part]))
+    best = BestSource(colors_of(frame.clean[part]))
     for k, j in enumerate(sources if on("footage_detail") else ()):
         seen, _, there = sees(drive.views.frames[j], points)
         if len(seen):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_own_json, write_json_atomic
-from unveil_core.base.pictures.decoding import read_image
+from unveil_core.base.pictures.decoding import read_levels
+from unveil_core.base.pictures.levels import as_words
+from unveil_core.base.types import Float32, Float64, Levels
 from unveil_core.drives.drive import Frame
 
 __all__ = [
@@ -28,14 +31,6 @@ __all__ = [
     "read_exposures",
     "write_exposures",
 ]
-
-LEVELS = np.arange(256)[:, None] / 255.0
-
-
-def _mapped(image: NDArray[np.uint8], table: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """An image (H, W, 3) through a table (256, 3) of values in [0, 1]."""
-    levels = np.clip(np.round(table * 255), 0, 255).astype(np.uint8)
-    return np.stack([levels[image[..., c], c] for c in range(3)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +49,21 @@ class Exposure:
         """True where photograph and canonical colours are the same."""
         return bool((self.gain == 1).all() and (self.bias == 0).all())
 
-    def canonical(self, photograph: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 in the scene's colours; what lies outside [0, 255] there is clipped."""
-        return photograph if self.is_identity else _mapped(photograph, (LEVELS - self.bias) / self.gain)
+    def canonical(self, photograph: Levels) -> Levels:
+        """A photograph (H, W, 3) in the scene's colours, which may lie outside of 0 and 255: a dark photograph shows highlights
+        that are brighter than white is in others."""
+        return photograph if self.is_identity else _mapped(photograph, 1 / self.gain, -self.bias / self.gain)
 
-    def photographed(self, canonical: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 as this photograph would show it; inverse of :meth:`canonical` up to rounding and clipping."""
-        return canonical if self.is_identity else _mapped(canonical, LEVELS * self.gain + self.bias)
+    def photographed(self, canonical: Levels) -> Levels:
+        """(H, W, 3) as this photograph would show it, likewise; the inverse of :meth:`canonical`."""
+        return canonical if self.is_identity else _mapped(canonical, self.gain, self.bias)
+
+
+def _mapped(levels: Levels, gain: Float64, bias: Float64) -> Float32:
+    """Levels (H, W, 3) times ``gain`` (3,), and ``bias`` (3,), in [0, 1], added."""
+    mapped = levels * gain.astype(np.float32)
+    mapped += (255 * bias).astype(np.float32)
+    return mapped
 
 
 IDENTITY = Exposure()
@@ -87,16 +90,36 @@ class Exposures:
         """The exposure of a frame."""
         return self.known.get((frame.camera_name, frame.name), IDENTITY)
 
-    def read(self, frame: Frame) -> NDArray[np.uint8]:
-        """The door in: a frame's photograph (H, W, 3) uint8 in canonical colours.
+    def read(self, frame: Frame) -> Levels:
+        """The door in: a frame's photograph (H, W, 3) in canonical colours.
 
         Raises:
             DriveError: missing, unreadable or cut short.
         """
-        return self.of(frame).canonical(read_image(frame.image_path))
+        return self.of(frame).canonical(read_levels(frame.image_path))
 
-    def delivered(self, frame: Frame, canonical: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The door out: a picture (H, W, 3) uint8 in canonical colours as the frame's own photograph would show it."""
+    @cached_property
+    def _widest(self) -> Exposure:
+        """In which all that any of the photographs shows lies between black and white."""
+        ends = [(end - e.bias) / e.gain for e in (IDENTITY, *self.known.values()) for end in (0, 1)]
+        low, high = float(np.min(ends)), float(np.max(ends))
+        return Exposure(np.full(3, 1 / (high - low)), np.full(3, -low / (high - low)))
+
+    def packed(self, canonical: Levels) -> NDArray[np.uint16]:
+        """A picture (H, W, 3) in canonical colours for a file that a later stage goes on from: with 16 bits, and in an exposure in
+        which all that any of the photographs shows lies between black and white."""
+        return as_words(self._widest.photographed(canonical))
+
+    def read_packed(self, path: Path) -> Levels:
+        """The inverse of :meth:`packed`.
+
+        Raises:
+            DriveError: missing, unreadable or cut short.
+        """
+        return self._widest.canonical(read_levels(path))
+
+    def delivered(self, frame: Frame, canonical: Levels) -> Levels:
+        """The door out: a picture (H, W, 3) in canonical colours as the frame's own photograph would show it."""
         return self.of(frame).photographed(canonical)
 
 

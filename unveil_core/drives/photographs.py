@@ -11,30 +11,37 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.files import write_bytes_atomic
 from unveil_core.base.output.copies import copied_or_linked
-from unveil_core.base.pictures.decoding import decode_image, read_image, read_image_as_it_is
+from unveil_core.base.pictures.decoding import decode_levels, read_image, read_image_as_it_is, read_levels
 from unveil_core.base.pictures.headers import PNG_BYTES, png_start
+from unveil_core.base.pictures.levels import as_bytes
 from unveil_core.base.plates.files import read_plate
-from unveil_core.base.types import Float32
+from unveil_core.base.types import Float32, Levels
 from unveil_core.drives.drive import Footage, Frame
 
-__all__ = ["is_plain", "levels", "photograph", "read_footage", "seen_footage", "store_photograph"]
+__all__ = ["is_plain", "levels", "photograph", "photograph_levels", "read_footage", "seen_footage", "store_photograph"]
 
 RGB = 2
 """PNG's number for colour without a palette or transparency."""
 
 
 def photograph(frame: Frame) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB of a frame as read, before import.
+    """(H, W, 3) uint8 RGB of a frame as read, before import; see :func:`photograph_levels`."""
+    return as_bytes(photograph_levels(frame))
+
+
+def photograph_levels(frame: Frame) -> Levels:
+    """The same with all bits that it has.
 
     Raises:
         DriveError: missing, unreadable, cut short, or not of its camera's size.
     """
     size = (frame.camera.width, frame.camera.height)
     if frame.plate is not None:
-        return levels(frame.plate.encoded(read_plate(frame.image_path, size).values))
+        encoded = frame.plate.encoded(read_plate(frame.image_path, size).values)
+        return np.clip(np.nan_to_num(encoded), 0, 1) * np.float32(255)
     if frame.image_bytes is not None:
-        return decode_image(frame.image_bytes(), frame.image_path, size)
-    return read_image(frame.image_path, size)
+        return decode_levels(frame.image_bytes(), frame.image_path, size)
+    return read_levels(frame.image_path, size)
 
 
 def levels(picture: Float32) -> NDArray[np.uint8]:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 
 __all__ = [
     "area_px",
@@ -61,8 +61,8 @@ def area_px(shape: tuple[int, ...], least: int) -> int:
     return max(least, round(least * shape[0] * shape[1] / (384 * 256)))
 
 
-def smoothed(picture: NDArray[np.uint8]) -> Float32:
-    """A picture (H, W, 3) uint8 as colours of two pictures are compared, levels of 255: without grain."""
+def smoothed(picture: Levels) -> Float32:
+    """A picture (H, W, 3) as colours of two pictures are compared, levels of 255: without grain."""
     sigma = SMOOTHING_PX * border_px(picture.shape[1], 2) / 2
     return cv2.GaussianBlur(picture.astype(np.float32), (0, 0), sigma).astype(np.float32)
 

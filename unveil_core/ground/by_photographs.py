@@ -19,7 +19,7 @@ from scipy.ndimage import median_filter
 from unveil_core.base.evenly import evenly
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.cheapest_path import cheapest_path
@@ -74,7 +74,7 @@ class StreetViews:
     axes: Sequence[Float64]
 
     @staticmethod
-    def of(cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], cache: FrameCache) -> StreetViews:
+    def of(cameras: Sequence[Camera], images: Sequence[Levels], cache: FrameCache) -> StreetViews:
         """Photographs (H, W, 3) of a track's cameras, made when they are asked for."""
         views = cache.frames(len(cameras), lambda i: blurred_view(cameras[i], images[i], SIDE_PX))
         return StreetViews(views, [street_axes(cameras, i) for i in range(len(cameras))])

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import FrameCache, Frames
-from unveil_core.base.types import Labels, Mask
+from unveil_core.base.types import Labels, Levels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.raster.picture import render_numpy
@@ -29,10 +29,10 @@ class Views:
     """What each frame shows.
 
     Attributes:
-        images: (H, W, 3) uint8; labels: (H, W) compact; depths: (H, W) of the full scene; removed: (H, W) bool.
+        images: (H, W, 3) levels of 255; labels: (H, W) compact; depths: (H, W) of the full scene; removed: (H, W) bool.
     """
 
-    images: Sequence[NDArray[np.uint8]]
+    images: Sequence[Levels]
     labels: Sequence[NDArray[np.int64]]
     depths: Sequence[NDArray[np.float32]]
     removed: Sequence[NDArray[np.bool_]]
@@ -97,7 +97,7 @@ def drive_views(
     drive: Drive,
     scene: SceneLabels,
     surfels: Surfels,
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     removed: Sequence[NDArray[np.bool_]],
     cache: FrameCache,
     scratch: Path,

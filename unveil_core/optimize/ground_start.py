@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Float64, Mask
+from unveil_core.base.types import Float64, Levels, Mask
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.scale_and_up import camera_height
@@ -71,7 +71,7 @@ class GroundStart:
 def start_ground(
     drive: Drive,
     scene: SceneLabels,
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     measured: float | None,
     *,

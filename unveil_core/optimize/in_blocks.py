@@ -22,7 +22,7 @@ from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.resume.checkpoint import Kept, facts_array, facts_of
 from unveil_core.base.resume.digest import digest_of
 from unveil_core.base.resume.parts import Parts
-from unveil_core.base.types import Float64, Labels, Mask
+from unveil_core.base.types import Float64, Labels, Levels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
@@ -238,7 +238,7 @@ class BlockwiseReoptimization:
     movable: Mask
     relit: Mask
     sky: Sky
-    targets: Sequence[tuple[Camera, NDArray[np.uint8]]]
+    targets: Sequence[tuple[Camera, Levels]]
     settings: ReoptimizeSettings
     blocks: Blocks
     label_count: int

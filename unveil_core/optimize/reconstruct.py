@@ -14,6 +14,7 @@ from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept, facts_array, facts_of
+from unveil_core.base.types import Levels
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
@@ -170,7 +171,7 @@ def _pictures(
     exposures: Exposures,
     hidden: Sequence[NDArray[np.bool_]] | None,
     cache: FrameCache,
-) -> tuple[Sequence[NDArray[np.uint8]], Sequence[NDArray[np.int64]]]:
+) -> tuple[Sequence[Levels], Sequence[NDArray[np.int64]]]:
     """Images (H, W, 3) in canonical colours and labels (H, W) of the frames, -1 where ``hidden``."""
     frames = drive.frames
     images = cache.frames(len(frames), lambda i: exposures.read(frames[i]))
@@ -182,7 +183,7 @@ def _pictures(
 
 def _views(
     drive: Drive,
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     hidden: Sequence[NDArray[np.bool_]] | None,
     sky: Sky,

@@ -17,6 +17,7 @@ from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint
+from unveil_core.base.types import Levels
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.training.arithmetic import torch_in_one_thread
 from unveil_core.optimize.training.card_memory import StepSize, largest_step, place_for
@@ -67,7 +68,7 @@ def reoptimize(
     surfels: Surfels,
     movable: NDArray[np.bool_],
     sky: Sky,
-    targets: Sequence[tuple[Camera, NDArray[np.uint8]]],
+    targets: Sequence[tuple[Camera, Levels]],
     settings: ReoptimizeSettings,
     *,
     near: float,
@@ -85,7 +86,7 @@ def reoptimize(
         surfels: the empty scene with its new surfels, N of them.
         movable: (N,) bool.
         sky: fixed.
-        targets: (camera, cleaned frame (H, W, 3) uint8).
+        targets: (camera, cleaned frame (H, W, 3) levels of 255).
         near, far: metres.
         depths: (H, W) per target, the depth that is expected, 0 = none; it counts by ``weights.depth``.
         cache: room for the targets; checkpoint: from which an interrupted call is continued.

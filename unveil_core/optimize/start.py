@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from unveil_core.base.errors import DriveError
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Levels
 from unveil_core.drives.depth_range import FAR_M, FARTHEST_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.axes import UP
@@ -69,7 +70,7 @@ def _survey(
     points: NDArray[np.float64],
     spacing: NDArray[np.float64],
     cameras: Sequence[Camera],
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     near: float,
 ) -> tuple[Sequence[NDArray[np.bool_]], NDArray[np.float64]]:
     """What is measured in each view, (H, W) each, and the detail (P,) that the views show around each point.
@@ -132,7 +133,7 @@ class SceneStart:
 def start_scene(
     drive: Drive,
     scene: SceneLabels,
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     settings: StartSettings,
     *,
@@ -262,7 +263,7 @@ def random_scene(
 def start_sky(
     drive: Drive,
     scene: SceneLabels,
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     surfels: Surfels | None,
     rows: Sequence[int] = SKY_ROWS,
@@ -307,7 +308,7 @@ def start_sky(
     return fit_sky(samples, UP, height=chosen), choice
 
 
-def _sky_error(sky: Sky, samples: Sequence[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]]) -> float:
+def _sky_error(sky: Sky, samples: Sequence[tuple[Camera, Levels, NDArray[np.bool_]]]) -> float:
     """Mean squared error of a sky in the pixels that show it, colours in [0, 1]; one frame's errors are held at a time.
 
     Args:

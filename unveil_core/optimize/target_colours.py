@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from unveil_core.base.types import Mask
+from unveil_core.base.types import Levels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import repainted
@@ -16,16 +15,14 @@ from unveil_core.surfels.surfels import Surfels
 __all__ = ["coloured_by"]
 
 
-def coloured_by(
-    surfels: Surfels, some: Mask, targets: Sequence[tuple[Camera, NDArray[np.uint8]]], *, near: float
-) -> Surfels:
+def coloured_by(surfels: Surfels, some: Mask, targets: Sequence[tuple[Camera, Levels]], *, near: float) -> Surfels:
     """Surfels of which some get the mean of the pixels in which no other surfel hides their middle.
 
     A view counts as much as a surfel is large in it, as in the least squares of all pixels. What no view shows stays as it is.
 
     Args:
         some: (N,) bool.
-        targets: camera and picture (H, W, 3) uint8.
+        targets: camera and picture (H, W, 3) levels of 255.
         near: least depth, metres.
     """
     if not some.any():

@@ -14,6 +14,7 @@ from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.types import Levels
 from unveil_core.drives.depth_range import FAR_M, FARTHEST_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.ground_start import GroundStart
@@ -52,7 +53,7 @@ def _confirmed(
 def cover_uncovered(
     surfels: Surfels,
     cameras: Sequence[Camera],
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     label_count: int,
     sky: int | None,
@@ -67,7 +68,7 @@ def cover_uncovered(
 
     Args:
         surfels: the start so far.
-        cameras, images: the views, (H, W, 3) uint8; labels: (H, W) compact, negative = unknown, left alone;
+        cameras, images: the views, (H, W, 3) levels of 255; labels: (H, W) compact, negative = unknown, left alone;
             label_count: K.
         sky: its label; None = unknown, then pixels above the horizon count as sky. up: (3,) unit.
         ground: what of the views shows it, and where it is; None = they stand on nothing.

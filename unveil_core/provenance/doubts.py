@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.geometry.images import smoothed
 from unveil_core.provenance.leftovers import Leftovers
 from unveil_core.provenance.witnesses import Seen
@@ -41,9 +41,9 @@ SKY_M = 100.0
 
 
 def find_doubts(
-    delivered: Picture,
-    photograph: Picture,
-    made: tuple[Picture, Picture],
+    delivered: Levels,
+    photograph: Levels,
+    made: tuple[Levels, Levels],
     changed: Mask,
     relit: Mask,
     depth: Float32,
@@ -90,7 +90,7 @@ def _units(levels: Float32) -> Float32:
     return np.minimum(levels / UNIT_LEVELS, MOST).astype(np.float32)
 
 
-def _contrast(picture: Picture) -> Float32:
+def _contrast(picture: Levels) -> Float32:
     """(H, W) standard deviation of the colours around each pixel, levels."""
     plane = picture.astype(np.float32)
     mean, square = (cv2.blur(p, (AROUND_PX, AROUND_PX)) for p in (plane, plane * plane))

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from unveil_core.base.types import Float32, Float64, Mask, Picture
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import luminance, smoothed
 
@@ -73,7 +73,7 @@ class Leftovers:
 
 
 def leftovers_of(
-    delivered: Picture, photograph: Picture, changed: Mask, depth: Float32, camera: Camera, removed: RemovedPlaces
+    delivered: Levels, photograph: Levels, changed: Mask, depth: Float32, camera: Camera, removed: RemovedPlaces
 ) -> Leftovers:
     """Of the changed pixels.
 

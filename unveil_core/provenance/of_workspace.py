@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.parallel import each
-from unveil_core.base.pictures.decoding import read_image, read_label_image
-from unveil_core.base.types import Float32, Picture
+from unveil_core.base.pictures.decoding import read_label_image, read_levels
+from unveil_core.base.pictures.levels import rounded_like
+from unveil_core.base.types import Float32, Levels
 from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
@@ -43,12 +44,12 @@ class EmptyLooks:
     Attributes:
         views: its depth in them, and in which pixels the photograph is no witness of it.
         origins: (H, W) uint8 where the pixels of their clean frames come from, see ``inpaint.origin``.
-        pictures: (H, W, 3) uint8 their photographs, in canonical colours.
+        pictures: (H, W, 3) levels of 255, their photographs, in canonical colours.
     """
 
     views: EmptyViews
     origins: Sequence[NDArray[np.uint8]]
-    pictures: Sequence[Picture]
+    pictures: Sequence[Levels]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +112,7 @@ def provenance_of(
         wanted: indices of the frames that are asked for; None = all.
     """
     exposures = read_exposures(root / "surfels/exposure.json")
-    pictures = cache.frames(len(frames), lambda i: np.round(smoothed(looks.pictures[i])).astype(np.uint8))
+    pictures = cache.frames(len(frames), lambda i: rounded_like(smoothed(looks.pictures[i]), looks.pictures[i]))
     places = _removed_places(root)
     witnesses = Witnesses(looks.views, pictures)
 
@@ -169,8 +170,8 @@ def _doubts_of(
 ) -> Float32:
     changed = origin != ORIGINAL
     exposure = exposures.of(frame)
-    clean, rendered = (exposure.canonical(read_image(frame_file(made / name, frame))) for name in ("clean", "renders"))
-    inpainted = read_image(frame_file(root / "inpainted", frame))
+    clean, rendered = (exposure.canonical(read_levels(frame_file(made / name, frame))) for name in ("clean", "renders"))
+    inpainted = exposures.read_packed(frame_file(root / "inpainted", frame))
     photograph, depth = exposures.read(frame), witnesses.views.frames[own].depth
     return find_doubts(
         clean,

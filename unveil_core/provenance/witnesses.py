@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32, Float64, Mask, Picture
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.delivery.views import EmptyView, EmptyViews, others_near, sees
 from unveil_core.geometry.images import sample_at
 
@@ -26,11 +26,11 @@ class Witnesses:
 
     Attributes:
         views: what they show.
-        pictures: (H, W, 3) uint8, their photographs, smoothed, in canonical colours.
+        pictures: (H, W, 3) levels of 255, their photographs, smoothed, in canonical colours.
     """
 
     views: EmptyViews
-    pictures: Sequence[Picture]
+    pictures: Sequence[Levels]
 
 
 @dataclass(frozen=True, eq=False)

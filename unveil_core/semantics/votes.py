@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32, Levels
 from unveil_core.semantics.visibility import PointsInView
 
 __all__ = ["label_share", "sample_colors", "view_weights", "vote_labels"]
@@ -69,15 +70,15 @@ def vote_labels(
 
 
 def sample_colors(
-    count: int, views: Sequence[PointsInView], image: Callable[[int], NDArray[np.uint8]]
-) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    count: int, views: Sequence[PointsInView], image: Callable[[int], Levels]
+) -> tuple[Float32, NDArray[np.bool_]]:
     """Colour points from the views that see them, nearer views counting more.
 
     Args:
         count: P; views: which of the points each of V views sees.
-        image: gives (H, W, 3) uint8 of view v.
+        image: gives (H, W, 3) of view v, levels of 255.
     Returns:
-        colours (P, 3) uint8, and which points (P,) any view saw.
+        colours (P, 3), likewise, and which points (P,) any view saw.
     """
     total = np.zeros((count, 3))
     weight = np.zeros(count)
@@ -87,4 +88,4 @@ def sample_colors(
         weight[seen.index] += w
     known = weight > 0
     mean = np.where(known[:, None], total / np.maximum(weight, 1e-300)[:, None], 128.0)
-    return np.clip(np.round(mean), 0, 255).astype(np.uint8), known
+    return mean.astype(np.float32), known

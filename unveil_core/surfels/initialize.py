@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Levels
 from unveil_core.geometry.cloud import quats_from_normals
 from unveil_core.surfels.surfels import Surfels
 
@@ -33,7 +34,7 @@ def repainted(surfels: Surfels, colors: NDArray[np.floating[Any]], some: NDArray
 
 def surfels_from_points(
     positions: NDArray[np.float64],
-    colors: NDArray[np.uint8],
+    colors: Levels,
     labels: NDArray[np.int64],
     normals: NDArray[np.float64],
     spacing: NDArray[np.float64],
@@ -46,7 +47,7 @@ def surfels_from_points(
     """One surfel per point.
 
     Args:
-        positions: (P, 3); colors: (P, 3) uint8; labels: (P,) compact; normals: (P, 3) unit.
+        positions: (P, 3); colors: (P, 3) levels of 255; labels: (P,) compact; normals: (P, 3) unit.
         spacing: (P,) metres, or (P, 2) along both tangent axes of ``quats`` (P, 4), see ``tangent_frames``.
         sh_degree: degree of the colour; higher coefficients start at zero.
         opacity: starting opacity.

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32, Float64
+from unveil_core.base.types import Float32, Float64, Levels
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["from_array", "reduced_gray", "to_other"]
 
 
-def reduced_gray(camera: Camera, image: NDArray[np.uint8], side: int) -> tuple[Camera, Float32]:
+def reduced_gray(camera: Camera, image: Levels, side: int) -> tuple[Camera, Float32]:
     """The camera, and the grey levels of 255 (H, W), of a photograph (H, W, 3) whose longer side becomes ``side`` pixels."""
     factor = min(1.0, side / max(camera.width, camera.height))
     size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))

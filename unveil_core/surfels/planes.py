@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.parallel import in_parallel
-from unveil_core.base.types import Float32, Float64
+from unveil_core.base.types import Float32, Float64, Levels
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.pictures import from_array, reduced_gray, to_other
 from unveil_core.surfels.plane_kernels import BAND, compare_bands
@@ -40,7 +39,7 @@ class BlurredView:
     levels: Float32
 
 
-def blurred_view(camera: Camera, image: NDArray[np.uint8], side: int) -> BlurredView:
+def blurred_view(camera: Camera, image: Levels, side: int) -> BlurredView:
     """A photograph (H, W, 3) with its longer side reduced to ``side`` pixels."""
     small, gray = reduced_gray(camera, image, side)
     levels = [gray, *(cv2.GaussianBlur(gray, (0, 0), BLUR * scale) for scale in SCALES)]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.parallel import in_parallel
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Float32
+from unveil_core.base.types import Float32, Levels
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.pictures import reduced_gray, to_other
 from unveil_core.surfels.sweep_kernels import BAND, NOTHING, sweep_bands
@@ -96,7 +96,7 @@ def sweep_depth(
 
 def sweep_points(
     cameras: Sequence[Camera],
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     usable: Sequence[NDArray[np.bool_]],
     settings: SweepSettings,
     *,
@@ -109,7 +109,7 @@ def sweep_points(
 
     Args:
         cameras: of the track, in order of travel.
-        images: (H, W, 3) uint8 per frame; usable: (H, W) bool per frame, False where no point should come from (sky).
+        images: (H, W, 3) levels of 255 per frame; usable: (H, W) bool per frame, False where no point should come from (sky).
         near, far: depth range, metres.
         stride: one sweep pixel in so many per direction becomes a point.
     Returns:
@@ -149,7 +149,7 @@ class _Small:
     usable: NDArray[np.bool_]
 
 
-def _smaller(camera: Camera, image: NDArray[np.uint8], usable: NDArray[np.bool_], settings: SweepSettings) -> _Small:
+def _smaller(camera: Camera, image: Levels, usable: NDArray[np.bool_], settings: SweepSettings) -> _Small:
     small, gray = reduced_gray(camera, image, settings.side)
     size = (small.width, small.height)
     mask = cv2.resize(usable.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool)

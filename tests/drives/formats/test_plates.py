@@ -14,6 +14,7 @@ from tests.base.plates.plates import write_dpx, write_exr
 from tests.drives.formats.shot.shots import COUNT, SIZE, chan
 from tests.drives.formats.shot.shots import plates as write_pngs
 from unveil_core.base.files import read_own_json
+from unveil_core.base.pictures.decoding import read_levels
 from unveil_core.base.plates.colours import PlateColours
 from unveil_core.base.plates.transfers import TRANSFERS
 from unveil_core.base.srgb import linear_of_srgb
@@ -128,7 +129,7 @@ def test_an_import_keeps_the_plates_and_what_they_mean(tmp_path: Path) -> None:
 
 
 def test_plates_beside_pictures_of_eight_bits_make_the_same_drive(tmp_path: Path) -> None:
-    """The working pictures are the same, bit for bit."""
+    """The working pictures are the same up to the rounding to bytes, which those of plates are spared."""
     of_plates = open_drive(shot(tmp_path / "a", "exr"))
     files = write_pngs(tmp_path / "b/plates")
     for file, picture in zip(files, pictures(), strict=True):
@@ -140,10 +141,11 @@ def test_plates_beside_pictures_of_eight_bits_make_the_same_drive(tmp_path: Path
 
     def worked(drive: Drive, name: str) -> list[np.ndarray]:
         found = import_drive(drive, tmp_path / name, work_side=60)
-        return [cv2.imread(str(f.image_path)) for f in found.frames]
+        return [read_levels(f.image_path) for f in found.frames]
 
     for one, other in zip(worked(of_plates, "one"), worked(of_pictures, "other"), strict=True):
-        np.testing.assert_array_equal(one, other)
+        assert one.dtype == np.float32 and other.dtype == np.uint8
+        assert np.abs(one - other).max() < 0.5 + 0.06  # and that of half floats
 
 
 def test_pixels_of_plates_may_be_wide(tmp_path: Path) -> None:

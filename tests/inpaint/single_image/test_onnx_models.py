@@ -260,6 +260,6 @@ def test_a_reference_network_must_take_a_reference(folder: Path, tmp_path: Path)
 def test_wrong_pictures_are_refused(folder: Path) -> None:
     fill = load_single_image(folder / "free.onnx")
     with pytest.raises(ValueError, match="uint8"):
-        fill(smooth(40, 40).astype(np.float32), np.zeros((40, 40), bool))  # type: ignore[arg-type]
+        fill(smooth(40, 40).astype(np.float64), np.zeros((40, 40), bool))
     with pytest.raises(ValueError, match="does not fit"):
         fill(smooth(40, 40), np.zeros((3, 3), bool))

@@ -21,18 +21,22 @@ from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import is_out_of_memory
 from unveil_core.base.pictures.headers import Header, format_of, header_of, is_lossy, unread_format_of
+from unveil_core.base.pictures.levels import as_bytes, levels_of
 from unveil_core.base.pictures.metadata import Metadata, metadata_of
 from unveil_core.base.pictures.orientation import SWAPS_SIDES, orientation_of
 from unveil_core.base.pictures.palettes import indexed
+from unveil_core.base.types import Levels
 
 __all__ = [
     "Values",
     "decode_image",
+    "decode_levels",
     "decode_unchanged",
     "read_image",
     "read_image_as_it_is",
     "read_instance_image",
     "read_label_image",
+    "read_levels",
     "read_metadata",
     "read_unchanged",
     "read_values",
@@ -159,8 +163,15 @@ def decode_image(content: bytes, path: Path, size: tuple[int, int] | None = None
     Raises:
         DriveError: unreadable, cut short, or of another size.
     """
-    image = _decode(content, path, IN_COLOR, size)
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
+    return as_bytes(decode_levels(content, path, size))
+
+
+def decode_levels(content: bytes, path: Path, size: tuple[int, int] | None = None) -> Levels:
+    """The same with all bits that it has."""
+    image = _decode(content, path, IN_COLOR | cv2.IMREAD_ANYDEPTH, size)
+    if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):  # OpenCV knows how it means these to be seen
+        image = _decode(content, path, IN_COLOR, size)
+    return levels_of(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
 
 
 def read_image_as_it_is(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
@@ -203,8 +214,12 @@ def read_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.ui
     Raises:
         DriveError: missing, unreadable, cut short, or of another size.
     """
-    image = _decode(_content_of(path), path, IN_COLOR, size)
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
+    return as_bytes(read_levels(path, size))
+
+
+def read_levels(path: Path, size: tuple[int, int] | None = None) -> Levels:
+    """The same with all bits that it has."""
+    return decode_levels(_content_of(path), path, size)
 
 
 def read_label_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:

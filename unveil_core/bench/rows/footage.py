@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.pictures.decoding import read_image
+from unveil_core.base.pictures.levels import as_bytes
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
@@ -124,7 +125,7 @@ def open_splats(footage: Footage) -> Splats:
     full = read_surfels(workspace.surfels_full)
     gone = read_edit(workspace.root / "surfels/removal.npz", len(full)).removed
     exposures = read_exposures(workspace.exposure_json)
-    images = tuple(exposures.of(f).canonical(p) for f, p in zip(frames, footage.photographs, strict=True))
+    images = tuple(as_bytes(exposures.of(f).canonical(p)) for f, p in zip(frames, footage.photographs, strict=True))
     return Splats(
         full,
         gone,
@@ -144,7 +145,7 @@ def deliver(footage: Footage, splats: Splats | None, clean: Sequence[Picture]) -
         footage.drive.frames, footage.photographs, clean, footage.removed, strict=True
     ):
         street = picture if splats is None else splats.exposures.delivered(frame, picture)
-        delivered.append(compose_frame(photograph, street, removed))
+        delivered.append(as_bytes(compose_frame(photograph, street, removed)))
     return delivered
 
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.copies import copied_or_linked
+from unveil_core.base.pictures.levels import as_words
 from unveil_core.drives.drive import Distortion, Footage, Frame, FrameLabels
 from unveil_core.drives.labels.codes import InstanceCode, MaskCode
 from unveil_core.drives.labels.reading import can_stay, instances_of, mask_of, semantics_of
-from unveil_core.drives.photographs import is_plain, photograph, store_photograph
+from unveil_core.drives.photographs import is_plain, photograph_levels, store_photograph
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
 from unveil_core.geometry.lens import FISHEYE
@@ -152,12 +153,12 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
     if kept:
         unless_there(image, put_photograph)
     else:
-        unless_there(
-            image,
-            lambda path: write_image_atomic(
-                path, warp(photograph(frame), border=0, label=False), like=frame.image_path
-            ),
-        )
+
+        def put_warped(path: Path) -> None:
+            seen = warp(photograph_levels(frame), border=0, label=False)
+            write_image_atomic(path, seen if seen.dtype == np.uint8 else as_words(seen), like=frame.image_path)
+
+        unless_there(image, put_warped)
     if frame.footage is not None:  # the drive was imported before
         source = frame.footage.path
         relative = f"footage/{stem}{source.suffix.lower()}"

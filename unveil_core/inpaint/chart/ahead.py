@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.path import SHARPEST_M, StreetPath, prolonged_by
@@ -117,7 +117,7 @@ def path_ahead(
     ground: Ground,
     track: Sequence[Camera],
     cameras: Sequence[Camera],
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     usable: Sequence[Mask],
     *,

@@ -147,7 +147,7 @@ class GroundLayer:
             width = across / self.chart.texel
             color[hit] = sample_levels(self._colors, place, footprint, width)
             if light is not None:
-                color[hit] = lit(np.clip(color[hit], 0, 1), light.plane()[wanted][hit])
+                color[hit] = lit(np.maximum(color[hit], 0), light.plane()[wanted][hit])
             gain[hit] = sample_levels(self._gains, place, footprint, width)
             row, column, on_chart = self.chart.index_of(street[hit])
             source[hit] = np.where(on_chart, self.chart.source[row, column], OUTSIDE)
@@ -164,7 +164,7 @@ class GroundLayer:
         return GroundPixels(
             hit=spread(hit, False),
             depth=spread(np.where(hit, depth, np.inf), np.inf),
-            color=spread(np.clip(color, 0, 1), 0.0),
+            color=spread(np.maximum(color, 0), 0.0),
             gain=spread(gain, 1.0),
             covered=spread(covered, False),
             shadow=spread((gain.max(axis=1) > RELIT_GAIN) | replaced, False),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.parallel import each
-from unveil_core.base.types import Mask
+from unveil_core.base.types import Levels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import READ_M, TEXEL_M, arc_lengths
@@ -30,7 +30,7 @@ def read_looks(
     ground: Ground,
     cameras: Sequence[Camera],
     which: Sequence[int],
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     usable: Sequence[Mask],
     rows: tuple[int, int],
 ) -> GroundLooks:

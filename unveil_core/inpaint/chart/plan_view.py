@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.geometry.reach import cameras_near, centres_of
@@ -64,7 +64,7 @@ def read_plan(
     low: Float64,
     high: Float64,
     cameras: Sequence[Camera],
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     usable: Sequence[Mask],
     *,

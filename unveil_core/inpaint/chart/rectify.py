@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from unveil_core.base.frame_cache import subset
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
-from unveil_core.base.types import Float32, Mask
+from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.cheapest_path import cheapest_path
 from unveil_core.geometry.images import luminance
@@ -176,7 +176,7 @@ def _agreement(lines: Float32, weight: Float32) -> float:
 def rectified_path(
     ground: Ground,
     cameras: Sequence[Camera],
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     usable: Sequence[Mask],
     kept: Kept | None = None,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, sample_at
@@ -170,7 +170,7 @@ def arc_lengths(ground: Ground, rows: tuple[int, int]) -> Float64:
 def read_chart(
     ground: Ground,
     cameras: Sequence[Camera],
-    images: Sequence[NDArray[np.uint8]],
+    images: Sequence[Levels],
     labels: Sequence[NDArray[np.int64]],
     usable: Sequence[NDArray[np.bool_]],
     *,
@@ -182,7 +182,7 @@ def read_chart(
 
     Args:
         ground: the surface.
-        cameras, images: the views, images (H, W, 3) uint8.
+        cameras, images: the views, images (H, W, 3) levels of 255.
         labels: (H, W) compact labels per view.
         usable: (H, W) bool per view, True where a pixel shows the ground and nothing else.
         rows: first and last but one of the rows that are read; None = all.

@@ -78,7 +78,7 @@ def surfels_on(
     quats, size = _laid(surface, rows, columns, normal, np.broadcast_to(spacing, (len(rows), 2)))
     return surfels_from_points(
         surface.world(rows, columns) - behind * normal,
-        np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
+        np.maximum(colors * np.float32(255), 0),
         labels,
         normal,
         size,

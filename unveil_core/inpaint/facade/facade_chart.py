@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.parallel import each
-from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
@@ -115,13 +115,13 @@ class FacadeView:
     """What a frame shows of facades.
 
     Attributes:
-        camera: of the frame; image: (H, W, 3) uint8.
+        camera: of the frame; image: (H, W, 3) levels of 255.
         on_wall: (H, W) bool, pixels of houses; sky: (H, W) bool, of the sky.
         depth: (H, W) of the full scene, metres; removed: (H, W) bool, pixels of what is removed.
     """
 
     camera: Camera
-    image: NDArray[np.uint8]
+    image: Levels
     on_wall: Mask
     sky: Mask
     depth: Float32

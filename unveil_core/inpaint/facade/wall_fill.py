@@ -46,7 +46,7 @@ def fill_wall(color: Float32, known: Mask, wanted: Mask, sky: Mask | None = None
     # From above: what hides a wall stands at its foot, and what lies over it tells where its windows are.
     fine, seen, hole = (np.ascontiguousarray(fine[:, ::-1]), *(m[:, ::-1].copy() for m in (known, filled)))
     detail = quilt(fine, seen, hole, patch=round(PATCH_M / texel), search=round(SEARCH_M / texel))[:, ::-1]
-    made = np.clip(surface + np.float32(SHARE) * detail, 0, 1)
+    made = np.clip(surface + np.float32(SHARE) * detail, 0, max(1.0, float(surface.max())))
     return WallFill(np.where(filled[..., None], made, color), filled, opened)
 
 

@@ -13,7 +13,8 @@ __all__ = ["carried_surface"]
 
 
 def carried_surface(color: Float32, known: Mask, texel: float) -> tuple[Float32, Float32]:
-    """(A, B, 3) the surface everywhere, in [0, 1]; and (A, B, 3) where it is known what is finer than that: texture.
+    """(A, B, 3) the surface everywhere, no brighter than what is known or white, 1; and (A, B, 3) where it is known what is
+    finer than that: texture.
 
     Args:
         color: (A, B, 3), rows along the street; known: (A, B) texels whose colours count; texel: side of a texel, metres.
@@ -21,4 +22,5 @@ def carried_surface(color: Float32, known: Mask, texel: float) -> tuple[Float32,
     lines = lateral_lines(color, known, texel) if on("lateral_lines") else np.zeros_like(color)
     carried = kriged(color - lines, known, texel)
     fine = np.where(known[..., None], color - lines - carried.broad, 0).astype(np.float32)
-    return np.clip(carried.all + lines, 0, 1).astype(np.float32), fine
+    brightest = color.max(initial=1.0, where=known[..., None])
+    return np.clip(carried.all + lines, 0, brightest).astype(np.float32), fine

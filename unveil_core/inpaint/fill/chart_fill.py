@@ -111,13 +111,13 @@ def fill_chart(
             gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
-        color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
+        color[lifted] = color[lifted] * gain[lifted]
         source[relit] = RELIT
     progress(1, 2, "filling the street")
     labels = _labels(chart, seen, hole)
     texture = texture_for(hole, fine, even, chart.texel) if on("quilting") else 0
     fill = (ground + texture) * illumination
-    color[hole] = np.clip(fill[hole], 0, 1)
+    color[hole] = np.clip(fill[hole], 0, max(1.0, float(color[seen].max(initial=0.0))))
     source[hole] = INVENTED
     # Beyond the street the chart goes on as it is carried, so that nothing black is blended in at its edge.
     beyond = ~inside & ~seen

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.types import Levels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 
@@ -33,18 +33,18 @@ SCALE_LIMITS = (0.25, 4.0)
 
 
 class ReferenceInpainter(Protocol):
-    """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 RGB with what ``reference`` (H', W', 3) uint8 shows of the same place;
+    """Fill ``mask`` (H, W) of ``image`` (H, W, 3) RGB, levels of 255, with what ``reference`` (H', W', 3) shows of the same place;
     pixels outside the mask come back unchanged."""
 
-    def __call__(self, image: Picture, mask: Mask, reference: Picture) -> Picture: ...
+    def __call__(self, image: Levels, mask: Mask, reference: Levels) -> Levels: ...
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceFrame:
-    """A cleaned frame: its camera, image (H, W, 3) uint8, and depth (H, W) along the optical axis, holes included."""
+    """A cleaned frame: its camera, image (H, W, 3), levels of 255, and depth (H, W) along the optical axis, holes included."""
 
     camera: Camera
-    image: Picture
+    image: Levels
     depth: NDArray[np.float32]
 
 
@@ -55,15 +55,15 @@ class ReferencePropagator:
         self._inpaint = inpaint
         self._frames: list[ReferenceFrame] = []
 
-    def add(self, camera: Camera, image: Picture, depth: NDArray[np.floating]) -> None:
+    def add(self, camera: Camera, image: Levels, depth: NDArray[np.floating]) -> None:
         """Add a frame that has invented something; see :class:`ReferenceFrame`."""
         self._frames.append(ReferenceFrame(camera, image, depth.astype(np.float32)))
 
-    def paint(self, camera: Camera, image: Picture, hole: Mask, depth: NDArray[np.floating]) -> tuple[Picture, Mask]:
+    def paint(self, camera: Camera, image: Levels, hole: Mask, depth: NDArray[np.floating]) -> tuple[Levels, Mask]:
         """Paint each hole by the frame that shows it best; holes that none shows stay as they are.
 
         Args:
-            camera: of the frame; image: (H, W, 3) uint8.
+            camera: of the frame; image: (H, W, 3), levels of 255.
             hole: (H, W) what no photograph shows; depth: (H, W) along the optical axis, holes included.
         Returns:
             the image, and (H, W) bool, what was painted.
@@ -120,7 +120,7 @@ def _best(
 
 def _around(
     frame: ReferenceFrame, pixels: NDArray[np.float64], part: tuple[slice, slice], places: NDArray[np.int64]
-) -> Picture:
+) -> Levels:
     """The part of a frame that shows what a part of another shows: the same place where it lies there, as much around it.
 
     Args:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from unveil_core.base.mechanisms import on
-from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow, masked_blur, scale_from_384
@@ -21,7 +21,7 @@ LIGHT_PX = 2.5
 0.1 to 0.4 dB than the filled frame alone."""
 
 
-def in_the_light_of(rendered: Picture, filled: Picture, removed: Mask) -> Picture:
+def in_the_light_of(rendered: Levels, filled: Levels, removed: Mask) -> Levels:
     """The optimized scene in a frame, (H, W, 3), as bright as the frame was filled: a surfel has one colour for all views, and the
     chart's texels have edges that the optimization smoothed.
 
@@ -33,7 +33,7 @@ def in_the_light_of(rendered: Picture, filled: Picture, removed: Mask) -> Pictur
     picture = rendered.astype(np.float32)
     sigma = LIGHT_PX * scale_from_384(removed.shape[1])
     light = masked_blur(filled.astype(np.float32) - picture, removed, sigma)
-    return np.clip(np.round(picture + light), 0, 255).astype(np.uint8)
+    return picture + light
 
 
 def optimized_pixels(removed: Mask, moving: Mask, bare: Mask) -> Mask:
@@ -59,14 +59,14 @@ def sky_below(camera: Camera, depth: Float32) -> Mask:
     return (depth == 0) & camera.below_horizon(UP)
 
 
-def compose_frame(image: Picture, clean: Picture, changed: Mask) -> Picture:
+def compose_frame(image: Levels, clean: Levels, changed: Mask) -> Float32:
     """Put ``clean`` into ``image`` where ``changed``, with a soft seam inside the changed region.
 
     Args:
-        image: (H, W, 3) uint8 as photographed; clean: (H, W, 3) uint8 of the empty street.
+        image: (H, W, 3) levels of 255 as photographed; clean: (H, W, 3) of the empty street, likewise.
         changed: (H, W) bool; outside of it the result is the photograph, bit for bit.
     """
     inward = cv2.distanceTransform(changed.astype(np.uint8), cv2.DIST_L2, 3)
     share = np.clip(inward / (SEAM_PX + 1.0), 0, 1)[..., None]
     blended = image * (1 - share) + clean * share
-    return np.where(changed[..., None], np.clip(np.round(blended), 0, 255), image).astype(np.uint8)
+    return np.where(changed[..., None], blended, image).astype(np.float32)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Mask
+from unveil_core.base.types import Levels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.fields.picture_field import PictureField
@@ -50,7 +50,7 @@ class FrameTask:
     """One frame to clean.
 
     Attributes:
-        camera: its camera; image: (H, W, 3) uint8 as photographed.
+        camera: its camera; image: (H, W, 3) levels of 255, as photographed.
         removed: (H, W) bool, pixels of removed objects with their borders.
         unobserved: (H, W) bool, of them those behind which lies what no frame shows.
         kept: (H, W) bool, pixels of objects that stay, on which no ground is relit; None where they are not known.
@@ -60,7 +60,7 @@ class FrameTask:
     """
 
     camera: Camera
-    image: NDArray[np.uint8]
+    image: Levels
     removed: Mask
     unobserved: Mask
     kept: Mask | None = None

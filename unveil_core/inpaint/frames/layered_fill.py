@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
-from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.base.pictures.levels import rounded_like
+from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.geometry.images import masked_blur, scale_from_384
 from unveil_core.inpaint.single_image.registry import exemplar, fill_around, telea
 
@@ -34,12 +35,12 @@ colours are 0.7 to 2 dB worse on five of eight streets, and as good on the other
 
 
 def fill_in_layers(
-    image: Picture, hole: Mask, depth: NDArray[np.float64], *, ground: Mask, beside: Mask, below_horizon: Mask
-) -> Picture:
+    image: Levels, hole: Mask, depth: NDArray[np.float64], *, ground: Mask, beside: Mask, below_horizon: Mask
+) -> Levels:
     """Fill a hole whose surroundings are known by what they show.
 
     Args:
-        image: (H, W, 3) uint8; hole: (H, W); depth: (H, W) metres, continued into the hole.
+        image: (H, W, 3) levels of 255; hole: (H, W); depth: (H, W) metres, continued into the hole.
         ground: (H, W) pixels that are known to show ground; beside: those that show something else.
         below_horizon: (H, W) pixels that cannot show the sky.
     """
@@ -58,10 +59,10 @@ def fill_in_layers(
     if source.any():
         color = (color + across(image, above, source)) / 2  # type: ignore[assignment]
     mixed = patches + masked_blur(color - patches, above, GRAIN_PX * scale_from_384(image.shape[1]))
-    return np.where(above[..., None], np.clip(np.round(mixed), 0, 255), patches).astype(np.uint8)
+    return np.where(above[..., None], rounded_like(mixed, image), patches)
 
 
-def across(image: Picture, wanted: Mask, source: Mask) -> Picture:
+def across(image: Levels, wanted: Mask, source: Mask) -> Levels:
     """Interpolate each row of ``wanted`` (H, W) between the nearest pixels of ``source`` on its two sides; rows without any take
     over the nearest of the others."""
     reach = round(BESIDE_PX * scale_from_384(image.shape[1]))
@@ -88,7 +89,7 @@ def across(image: Picture, wanted: Mask, source: Mask) -> Picture:
     if left.any() and reached.any():
         row, column = distance_transform_edt(~reached, return_distances=False, return_indices=True)
         result[left] = result[row[left], column[left]]
-    return np.clip(np.round(result), 0, 255).astype(np.uint8)
+    return rounded_like(result, image)
 
 
 def _down(image: Float32, wanted: Mask, sigma: float) -> Float32:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.geometry.fields.pull_push import pull_push
 from unveil_core.geometry.fields.robust import held_near_median
 from unveil_core.geometry.images import area_px, scale_from_384
@@ -26,24 +26,23 @@ LEAST_SPREAD = 0.05
 """Least standard deviation of differences on the ring, logarithm: the grain of asphalt."""
 
 
-def in_local_light(photograph: Picture, chart: Float32, known: Mask, plain: Mask) -> Float32:
+def in_local_light(photograph: Levels, chart: Float32, known: Mask, plain: Mask) -> Float32:
     """Colours of the chart as this photograph would show them.
 
     Args:
-        photograph: (H, W, 3); chart: (H, W, 3) in [0, 1], sampled from the chart where ``known`` (H, W).
+        photograph: (H, W, 3); chart: (H, W, 3), white 1, sampled from the chart where ``known`` (H, W).
         plain: (H, W) pixels of which both show the same ground in the same light.
     Returns:
-        (H, W, 3) in [0, 1]; the chart's own where the ring is too small to tell.
+        (H, W, 3), likewise; the chart's own where the ring is too small to tell.
     """
     plain = plain & known
     if plain.sum() < area_px(plain.shape, LEAST_RING_PX):
         return chart
-    there = np.clip(np.round(chart[plain] * 255), 0, 255).astype(np.uint8)
-    left = light_of(photograph[plain]) - light_of(there)
+    left = light_of(photograph[plain]) - light_of(255 * chart[plain])
     factor = np.zeros_like(chart)
     factor[plain] = held_near_median(left, left, LEAST_SPREAD)
     levels = max(0, round(float(np.log2(SMOOTH_PX * scale_from_384(plain.shape[1])))))
     factor = pull_push(factor, plain.astype(np.float32), levels)
     result = chart.copy()
-    result[known] = lit(np.clip(chart[known], 0, 1), factor[known])
+    result[known] = lit(np.maximum(chart[known], 0), factor[known])
     return result

@@ -92,7 +92,7 @@ def seed_ground(
     smooth = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[middles]
     below = np.cumsum(np.pad(smooth, ((1, 0), (0, 0), (0, 0))), axis=0, dtype=np.float64)
     colors = ((below[row + count, column] - below[row, column]) / count[:, None]).astype(np.float32)
-    colors = colors if level == 0 else lit(np.clip(colors, 0, 1), np.full(3, level, np.float32))
+    colors = colors if level == 0 else lit(np.maximum(colors, 0), np.full(3, level, np.float32))
     label = chart.label[middles][row + count // 2, column].astype(np.int64)
     label = np.where(label >= 0, label, default_label)
     size = step * chart.texel * np.stack([count, np.ones_like(count)], axis=1)

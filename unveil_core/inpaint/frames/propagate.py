@@ -21,6 +21,7 @@ from unveil_core.base.mechanisms import on
 from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
+from unveil_core.base.types import Levels
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import area_px, border_px, grow, scale_from_384, within
@@ -71,13 +72,13 @@ class Painted:
     """A cleaned frame.
 
     Attributes:
-        image: (H, W, 3) uint8: the photograph outside, the empty street inside the removed region.
+        image: (H, W, 3) levels of 255, not rounded: the photograph outside, the empty street inside the removed region.
         origin: (H, W) uint8, see ``inpaint.origin``; SEEN_ELSEWHERE for all that surfels show, whatever theirs is.
         invented: (H, W) bool, pixels that this frame invented itself.
         shadow: (H, W) bool, pixels outside ``removed`` from which a removed object's shadow was taken.
     """
 
-    image: NDArray[np.uint8]
+    image: Levels
     origin: NDArray[np.uint8]
     invented: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
@@ -273,11 +274,11 @@ class _Painter:
     def _invent(
         self,
         task: FrameTask,
-        image: NDArray[np.uint8],
+        image: Levels,
         hole: NDArray[np.bool_],
         background: BackgroundLayers,
         depth: NDArray[np.float64],
-    ) -> NDArray[np.uint8]:
+    ) -> Levels:
         """The frame with a hole filled: in layers where labels and a street tell them; a chosen inpainter fills it as a whole."""
         if (
             not on("layered_fill")
@@ -297,8 +298,8 @@ class _Painter:
 
     def _known(
         self, task: FrameTask, surfels: Surfels
-    ) -> tuple[NDArray[np.uint8], NDArray[np.bool_], BackgroundLayers, NDArray[np.uint8]]:
-        """The frame (H, W, 3) uint8 filled as far as scene and chart know it, the pixels relit (H, W), the background, and where
+    ) -> tuple[Levels, NDArray[np.bool_], BackgroundLayers, NDArray[np.uint8]]:
+        """The frame (H, W, 3) filled as far as scene and chart know it, the pixels relit (H, W), the background, and where
         each pixel has its colour from (H, W)."""
         layer = self.scene.ground
         border = border_px(task.camera.width)
@@ -334,7 +335,7 @@ class _Painter:
             original[over] = ground.color[over]
             gain[over] = 1.0  # the chart shows it lit already
             origin[shadow] = np.where(over[shadow], CONTINUED, RELIT)
-        relit = np.clip(original * gain, 0, 1)
+        relit = original * gain
         if ground is not None and shadow.any() and on("distant_from_chart"):
             # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
             distant = np.clip((ground.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)
@@ -343,7 +344,7 @@ class _Painter:
             held = _held(relit[shadow], ground.color[shadow])  # type: ignore[arg-type]
             relit[shadow] = held * (1 - distant) + ground.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
-        return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, background, origin
+        return (255 * image).astype(np.float32), shadow, background, origin
 
 
 def _steep(gain: NDArray[np.float32], border: int) -> NDArray[np.float32]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Levels
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.surface import OPACITY, SCALE_FACTOR
 from unveil_core.surfels.initialize import surfels_from_points
@@ -15,7 +16,7 @@ __all__ = ["seed_pixels"]
 
 def seed_pixels(
     camera: Camera,
-    color: NDArray[np.uint8],
+    color: Levels,
     depth: NDArray[np.float64],
     label: NDArray[np.int64],
     mask: NDArray[np.bool_],
@@ -25,7 +26,7 @@ def seed_pixels(
     """One surfel per pixel of ``mask``, facing the camera, as large as the pixel there.
 
     Args:
-        color: (H, W, 3) uint8; depth: (H, W) along the optical axis; label: (H, W) compact.
+        color: (H, W, 3) levels of 255; depth: (H, W) along the optical axis; label: (H, W) compact.
     """
     rows, columns = np.nonzero(mask)
     z = depth[rows, columns]

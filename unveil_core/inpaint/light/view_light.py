@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from unveil_core.base.srgb import linear_of_srgb, srgb_of_linear
-from unveil_core.base.types import Float32, Float64, Labels, Picture
+from unveil_core.base.types import Float32, Float64, Labels, Levels
 from unveil_core.geometry.fields.picture_field import PictureField, fit_fields
 
 __all__ = ["GroundLooks", "ViewLight", "light_by_view", "light_of", "lit", "unlit"]
@@ -77,22 +77,25 @@ class ViewLight:
         return float(low), float(high)
 
 
-def light_of(picture: Picture) -> Float32:
-    """(…, 3) logarithm of the linear light of 8-bit sRGB."""
-    return _LIGHT[picture]
+def light_of(picture: Levels) -> Float32:
+    """(…, 3) logarithm of the linear light of sRGB, levels of 255."""
+    if picture.dtype == np.uint8:
+        return _LIGHT[picture]
+    light = linear_of_srgb(np.maximum(picture, 0) / 255) + FLOOR
+    return np.log(light).astype(np.float32)  # type: ignore[no-any-return]
 
 
-def unlit(picture: Picture, field: PictureField) -> Float32:
-    """A picture (H, W, 3) without the factor of its camera, sRGB as levels from 0 to 255, not rounded."""
+def unlit(picture: Levels, field: PictureField) -> Float32:
+    """A picture (H, W, 3) without the factor of its camera, levels of 255, not rounded."""
     light = np.exp(light_of(picture) - field.plane()) - FLOOR
-    found: Float32 = (255 * srgb_of_linear(np.clip(light, 0, 1))).astype(np.float32)
+    found: Float32 = (255 * srgb_of_linear(np.maximum(light, 0))).astype(np.float32)
     return found
 
 
 def lit(colors: Float32, factor: Float32) -> Float32:
-    """Colours (N, 3) in [0, 1] with a factor (N, 3), or (3,), which is a logarithm; not above 1."""
+    """Colours (N, 3), white 1, with a factor (N, 3), or (3,), which is a logarithm."""
     light = (linear_of_srgb(colors) + FLOOR) * np.exp(factor) - FLOOR
-    found: Float32 = srgb_of_linear(np.clip(light, 0, 1)).astype(np.float32)
+    found: Float32 = srgb_of_linear(np.maximum(light, 0)).astype(np.float32)
     return found
 
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.networks.onnx_files import check_readable, describe, open_onnx, short
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.pictures.levels import as_bytes
+from unveil_core.base.types import Levels, Mask, Picture
 from unveil_core.inpaint.single_image.crops import Crop, crops
 from unveil_core.inpaint.single_image.onnx_signature import (
     BOTH,
@@ -68,10 +69,10 @@ class OnnxSingleImage:
     def __init__(self, network: _Network) -> None:
         self._network = network
 
-    def __call__(self, image: Picture, mask: Mask) -> Picture:
-        """Fill ``mask`` (H, W) of ``image`` (H, W, 3); pixels outside the mask come back unchanged."""
+    def __call__(self, image: Levels, mask: Mask) -> Levels:
+        """Fill ``mask`` (H, W) of ``image`` (H, W, 3), levels of 255; pixels outside the mask come back unchanged."""
         _check(image, mask)
-        result = image.copy()
+        result, image = image.copy(), as_bytes(image)
         network = self._network
         for crop in crops(mask, network.limit, whole=network.fixed):
             filled = _shown(network, crop, image, mask, None)
@@ -85,22 +86,28 @@ class OnnxReference:
     def __init__(self, network: _Network) -> None:
         self._network = network
 
-    def __call__(self, image: Picture, mask: Mask, reference: Picture) -> Picture:
+    def __call__(self, image: Levels, mask: Mask, reference: Levels) -> Levels:
         """Fill ``mask`` (H, W) of ``image`` (H, W, 3) with what ``reference`` (H', W', 3) shows of the place; pixels outside
         the mask come back unchanged."""
         _check(image, mask)
         _check(reference, None)
+        given, image, reference = image, as_bytes(image), as_bytes(reference)
         if not mask.any():
-            return image.copy()
+            return given.copy()
         size = _within(mask.shape, self._network.limit)
         whole = Crop((slice(0, mask.shape[0]), slice(0, mask.shape[1])), size, mask)
         filled = _shown(self._network, whole, image, mask, reference)
-        return np.where(mask[..., None], filled, image).astype(np.uint8)
+        return np.where(mask[..., None], filled, given)
 
 
 def _check(image: Picture, mask: Mask | None) -> None:
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
-        raise ValueError(f"an image must be (H, W, 3) uint8, not {image.shape} {image.dtype}")
+    if (
+        image.dtype not in (np.dtype(np.uint8), np.dtype(np.float32))
+        or image.ndim != 3
+        or image.shape[2] != 3
+        or not image.size
+    ):
+        raise ValueError(f"an image must be (H, W, 3) uint8 or float32, not {image.shape} {image.dtype}")
     if mask is not None and (mask.shape != image.shape[:2] or mask.dtype != np.bool_):
         raise ValueError(f"a mask of {mask.shape} {mask.dtype} does not fit an image of {image.shape[:2]}")
 

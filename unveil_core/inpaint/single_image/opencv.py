@@ -5,7 +5,7 @@
 * Shift-map: He and Sun, *Statistics of patch offsets for image completion* (2012).
 * FSR: Genser et al., *Spectral constrained frequency selective extrapolation for rapid image error concealment* (2018).
 
-Every function takes an image (H, W, 3) uint8 sRGB and a mask (H, W), True = to fill, and changes only the pixels inside the mask.
+Every function takes an image (H, W, 3), levels of 255, and a mask (H, W), True = to fill, and changes only the pixels in the mask.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterator
 import cv2
 import numpy as np
 
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.pictures.levels import as_bytes
+from unveil_core.base.types import Levels, Mask, Picture
 
 __all__ = ["classic", "fsr", "shift_map"]
 
@@ -35,7 +36,7 @@ FSR_NOTHING = (0, 135, 0)
 """What YCbCr (0, 0, 0) looks like."""
 
 
-def shift_map(image: Picture, mask: Mask, *, settled: bool = True) -> Picture:
+def shift_map(image: Levels, mask: Mask, *, settled: bool = True) -> Levels:
     """Statistics of patch offsets (He and Sun 2012).
 
     OpenCV wants CIELab and a mask whose non-zero pixels are *valid*; it may leave pixels black where no offset reaches
@@ -50,7 +51,7 @@ def shift_map(image: Picture, mask: Mask, *, settled: bool = True) -> Picture:
     result = image.copy()
     unfilled = np.zeros_like(mask)
     for crop, part in _crops(mask):
-        lab = cv2.cvtColor(image[crop], cv2.COLOR_RGB2Lab)
+        lab = cv2.cvtColor(as_bytes(image[crop]), cv2.COLOR_RGB2Lab)
         # What lies in the hole must not matter.
         lab[mask[crop]] = 0
         filled = _by_offsets(lab, mask[crop])
@@ -75,17 +76,19 @@ def _by_offsets(lab: Picture, mask: Mask) -> Picture:
     return filled
 
 
-def classic(image: Picture, mask: Mask, radius: int, method: int) -> Picture:
+def classic(image: Levels, mask: Mask, radius: int, method: int) -> Levels:
     """``cv2.inpaint``, only inside the mask. Of pictures of one row or column it reads memory beyond their ends: it gets two."""
     twice = tuple(2 if side == 1 else 1 for side in mask.shape)
     if max(twice) > 1:
         wide = classic(np.tile(image, (*twice, 1)), np.tile(mask, twice), radius, method)
         return np.ascontiguousarray(wide[: mask.shape[0], : mask.shape[1]])
-    filled = cv2.inpaint(image, mask.astype(np.uint8), radius, method)
-    return np.where(mask[..., None], filled, image).astype(np.uint8)
+    hole = mask.astype(np.uint8)
+    planes = [image] if image.dtype == np.uint8 else cv2.split(image)  # OpenCV takes floats by channel
+    filled = np.dstack([cv2.inpaint(plane, hole, radius, method) for plane in planes])
+    return np.where(mask[..., None], filled, image)
 
 
-def fsr(image: Picture, mask: Mask) -> Picture:
+def fsr(image: Levels, mask: Mask) -> Levels:
     """Frequency selective reconstruction (Genser et al. 2018) at OpenCV's fast setting; the best one takes twenty times as long.
 
     About 0.2 ms per pixel of the hole. It draws no random numbers: the same picture gives the same bytes, in every process.
@@ -96,7 +99,7 @@ def fsr(image: Picture, mask: Mask) -> Picture:
     result = image.copy()
     unfilled = np.zeros_like(mask)
     for crop, part in _apart(mask, FSR_CONTEXT_PX):
-        bgr = np.ascontiguousarray(image[crop][..., ::-1])
+        bgr = np.ascontiguousarray(as_bytes(image[crop])[..., ::-1])
         filled = np.zeros_like(bgr) + np.array(FSR_NOTHING, np.uint8)
         if min(bgr.shape[:2]) >= SMALLEST_PX:  # it reads beyond the ends of narrow ones
             valid = np.where(mask[crop], 0, 255).astype(np.uint8)

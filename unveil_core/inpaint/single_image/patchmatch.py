@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import EXACT
-from unveil_core.base.types import Float32, Mask
+from unveil_core.base.pictures.levels import rounded_like
+from unveil_core.base.types import Float32, Levels, Mask
 
 __all__ = ["patch_fill"]
 
@@ -28,14 +29,14 @@ LEAST_SPREAD = np.float32(4.0)
 """Least spread of the votes, squared levels of 255: matches that differ by less than two levels are as good as exact."""
 
 
-def patch_fill(image: NDArray[np.uint8], mask: Mask, *, row_cost: float = 0.0) -> NDArray[np.uint8] | None:
+def patch_fill(image: Levels, mask: Mask, *, row_cost: float = 0.0) -> Levels | None:
     """Fill ``mask``.
 
     Args:
-        image: (H, W, 3) uint8; mask: (H, W) bool, True = to fill.
+        image: (H, W, 3) levels of 255; mask: (H, W) bool, True = to fill.
         row_cost: of a patch from another row, squared levels of 255 for each squared pixel of distance.
     Returns:
-        (H, W, 3) uint8, the image itself outside of ``mask``; None where no known patch exists to take from.
+        (H, W, 3) likewise, the image itself outside of ``mask``; None where no known patch exists to take from.
     """
     if not mask.any():
         return image.copy()
@@ -69,8 +70,7 @@ def patch_fill(image: NDArray[np.uint8], mask: Mask, *, row_cost: float = 0.0) -
                 np.float32(np.percentile(cost[targets].astype(float), 25 if turn + 1 == rounds else 50)), LEAST_SPREAD
             )
             picture = _vote(picture, hole, targets, match, cost, certainty, spread)
-    filled = np.clip(np.round(picture), 0, 255).astype(np.uint8)
-    return np.where(mask[..., None], filled, image)
+    return np.where(mask[..., None], rounded_like(picture, image), image)
 
 
 def _sources(hole: Mask) -> Mask:

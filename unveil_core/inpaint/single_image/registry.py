@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.types import Levels, Mask
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 from unveil_core.inpaint.single_image.onnx_models import OnnxSingleImage, load_single_image
@@ -35,22 +35,22 @@ the horizon."""
 
 
 class SingleImageInpainter(Protocol):
-    """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 RGB; pixels outside the mask come back unchanged."""
+    """Fill ``mask`` (H, W) of ``image`` (H, W, 3) RGB, levels of 255; pixels outside the mask come back unchanged."""
 
-    def __call__(self, image: Picture, mask: Mask) -> Picture: ...
+    def __call__(self, image: Levels, mask: Mask) -> Levels: ...
 
 
-def telea(image: Picture, mask: Mask) -> Picture:
+def telea(image: Levels, mask: Mask) -> Levels:
     """Fast marching (Telea 2004), OpenCV."""
     return classic(image, mask, 5, cv2.INPAINT_TELEA)
 
 
-def navier_stokes(image: Picture, mask: Mask) -> Picture:
+def navier_stokes(image: Levels, mask: Mask) -> Levels:
     """Fluid dynamics (Bertalmio et al. 2001), OpenCV."""
     return classic(image, mask, 5, cv2.INPAINT_NS)
 
 
-def exemplar(image: Picture, mask: Mask, *, width: int | None = None) -> Picture:
+def exemplar(image: Levels, mask: Mask, *, width: int | None = None) -> Levels:
     """Patches of the image's own surroundings (:mod:`unveil_core.inpaint.single_image.patchmatch`); Telea where there are none.
 
     Args:
@@ -84,7 +84,7 @@ def inpainter(name: str) -> SingleImageInpainter:
     return BUILT_IN[name]
 
 
-def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask) -> Picture:
+def fill_around(inpaint: SingleImageInpainter, image: Levels, mask: Mask) -> Levels:
     """Fill each hole of an image from its own surroundings: a wall is not to be filled with the houses across the street.
 
     Networks are given the image as it is, and find the surroundings that they were made for.

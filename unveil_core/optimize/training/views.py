@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.pictures.levels import as_bytes
+from unveil_core.base.types import Levels
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.training.losses import camera_rays
 from unveil_core.surfels.sky import Sky
@@ -29,7 +31,8 @@ class TrainingView:
 
     Attributes:
         camera: at the resolution of the tensors.
-        photograph: (H, W, 3) uint8; many views are held, and few are used at a time (see :attr:`image`).
+        photograph: (H, W, 3) uint8, or half floats where colours lie beyond its range; many views are held, and few are used at a
+            time (see :attr:`image`).
         label_image: (H, W) int16 compact labels, negative = ignore; None = no semantics.
         weight: (H, W) float32, how much a pixel's colour counts; None = all fully.
         sky_grid: (1, H, W, 2) where the sky panorama is sampled; None = computed from ``sky_turn`` when it is asked for.
@@ -114,25 +117,29 @@ def _rays(intrinsics: tuple[int, int, float, float, float, float], device: torch
 
 def training_view(
     camera: Camera,
-    image: NDArray[np.uint8],
+    image: Levels,
     labels: NDArray[np.int64] | None,
     weight: NDArray[np.float32] | None,
     sky: Sky,
     *,
     factor: float = 1.0,
 ) -> TrainingView:
-    """Build a view, optionally smaller: the image by area, labels by nearest."""
+    """Build a view, optionally smaller: the image by area, labels by nearest.
+
+    Its levels are rounded: the optimization takes the mean of many pixels, and many views are held.
+    """
     if factor != 1.0:
         size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         if labels is not None:
             labels = cv2.resize(labels.astype(np.int16), size, interpolation=cv2.INTER_NEAREST)
         if weight is not None:
             weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
         camera = camera.resized(*size)
+    within = image.dtype == np.uint8 or (image.min() > -0.5 and image.max() < 255.5)
     return TrainingView(
         camera=camera,
-        photograph=torch.from_numpy(np.ascontiguousarray(image)),
+        photograph=torch.from_numpy(np.ascontiguousarray(as_bytes(image) if within else image.astype(np.float16))),
         label_image=None if labels is None else torch.from_numpy(labels.astype(np.int16)),
         weight=None if weight is None else torch.from_numpy(weight.astype(np.float32)),
         sky_grid=sky.grid(camera),

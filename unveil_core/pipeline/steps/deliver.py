@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.copies import copied_png
 from unveil_core.base.parallel import each
-from unveil_core.base.pictures.decoding import read_image, read_metadata
-from unveil_core.base.types import Mask
+from unveil_core.base.pictures.decoding import read_levels, read_metadata
+from unveil_core.base.pictures.levels import colors_of
+from unveil_core.base.types import Float32, Mask
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
 from unveil_core.delivery.detail import grain_of
@@ -76,7 +77,7 @@ def _deliver(
         return
     removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
     shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame)) & ~removed
-    own = CleanFrame(frame.footage, read_image(frame.image_path), read_image(clean), removed, shadows)
+    own = CleanFrame(frame.footage, read_levels(frame.image_path), read_levels(clean), removed, shadows)
     before = given.footage(i)
     picture = full_size_frame(own, i, given, before)
     picture = picture if corrections is None else corrections.full_size(i, picture)
@@ -93,8 +94,8 @@ def _corrections(context: StageContext, drive: Drive, given: FullSize) -> Correc
         return None
     folder, frames = context.workspace.root / "clean", drive.frames
 
-    def invented(i: int, mask: Mask) -> NDArray[np.uint8]:
-        return read_image(frame_file(folder, frames[i]))
+    def invented(i: int, mask: Mask) -> Float32:
+        return colors_of(read_levels(frame_file(folder, frames[i])))
 
     return Corrections(listed, frames, given.exposures, given.views.frames, invented, context.cache)
 

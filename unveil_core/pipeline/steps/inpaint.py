@@ -40,8 +40,8 @@ facades have 0.27 and 0.49."""
 
 
 def run(context: StageContext) -> Facts:
-    """inpainted/ in canonical colours and inpaint/origins/, where its pixels come from; inpaint/keyframes.json, inpaint/chart.npz,
-    masks/shadows; and all that becomes of the scene: surfels/edit.npz. Returns where the sun was found, and
+    """inpainted/ in canonical colours and inpaint/origins/, where its pixels come from; inpaint/keyframes.json,
+    inpaint/chart.npz, masks/shadows; and all that becomes of the scene: surfels/edit.npz. Returns where the sun was found, and
     what was assumed."""
     return inpaint_with(context)
 
@@ -54,7 +54,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
             invented in the images, as in the paper.
     """
     given, settings, output = _read(context), context.settings, context.output
-    frames = given.drive.frames
+    frames, exposures = given.drive.frames, read_exposures(context.workspace.exposure_json)
     how = How(
         settings.inpainter,
         settings.order,
@@ -66,7 +66,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     )
 
     def write(i: int, painted: Painted) -> None:
-        write_image_atomic(frame_file(output("inpainted"), frames[i]), painted.image)
+        write_image_atomic(frame_file(output("inpainted"), frames[i]), exposures.packed(painted.image))
         write_image_atomic(frame_file(output("inpaint/origins"), frames[i]), painted.origin)
         save_mask(painted.shadow | given.shaded[i], frame_file(output("masks/shadows"), frames[i]))
 

@@ -10,6 +10,7 @@ from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.mechanisms import on
 from unveil_core.base.parallel import each
+from unveil_core.base.pictures.levels import as_bytes
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects
@@ -65,7 +66,7 @@ def run(context: StageContext) -> Facts:
     scene, frames = load_selection(workspace), drive.frames
     surfels = read_surfels(workspace.surfels_full)
     instances = load_array(workspace.root / "surfels/instances.npy")
-    ground = read_ground(workspace.ground_npz)
+    ground, exposures = read_ground(workspace.ground_npz), read_exposures(workspace.exposure_json)
     selected = removed_surfels(surfels, instances, scene, drive, ground.street)
     gone = selected.removed
     by_hand = [m for m in marked_objects(settings.marked) if m.id in scene.instances]
@@ -76,7 +77,7 @@ def run(context: StageContext) -> Facts:
         drawn_by_kind(surfels, gone, instances, by_hand, settings.grown_px),
         by_hand,
         settings.grown_px,
-        read_exposures(workspace.exposure_json).read,
+        lambda frame: as_bytes(exposures.read(frame)),
         read_moving(workspace.root).pixels,
         ego_pixels,
     )

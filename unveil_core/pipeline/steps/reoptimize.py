@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.mechanisms import on
 from unveil_core.base.parallel import each
-from unveil_core.base.pictures.decoding import read_image
-from unveil_core.base.types import Mask
+from unveil_core.base.pictures.decoding import read_levels
+from unveil_core.base.pictures.levels import as_bytes, as_words, colors_of
+from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
 from unveil_core.delivery.carried import Photographs, carried_over
@@ -33,7 +33,7 @@ from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import StageContext
 from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right
 from unveil_core.provenance.of_workspace import looks_of, provenance_of
-from unveil_core.raster.picture import picture_of
+from unveil_core.raster.picture import levels_seen
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.initialize import repainted
 from unveil_core.surfels.ply import read_surfels, write_surfels
@@ -71,18 +71,20 @@ def run(context: StageContext) -> None:
         finished = frame_file(context.output("clean"), frame)
         if finished.is_file():
             return  # written by an attempt that was interrupted
-        picture = picture_of(empty, sky, frame.camera, near=NEAR_M, far=FAR_M)
-        write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
+        picture = levels_seen(empty, sky, frame.camera, near=NEAR_M, far=FAR_M)
+        seen = exposures.delivered(frame, picture)
+        write_image_atomic(frame_file(context.output("renders"), frame), as_bytes(seen))
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
-        photograph = read_image(frame.image_path)
+        photograph = read_levels(frame.image_path)
         # Around dynamic objects nothing was optimized, and below the horizon is no sky: there the filled frame is shown.
         bare = sky_below(frame.camera, looks.views.frames[i].depth)
         optimized = optimized_pixels(removed, moving.pixels(frame), bare)
         street = np.where(optimized[..., None], in_the_light_of(picture, clean[i], optimized), clean[i])
         elsewhere = removed & (looks.origins[i] == SEEN_ELSEWHERE)
         street = carried_over(photographs, i, street, picture, elsewhere, optimized)
-        delivered = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
+        composed = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
+        delivered = as_bytes(composed) if photograph.dtype == np.uint8 else as_words(composed)
         write_image_atomic(finished, delivered if corrections is None else corrections.work_size(i, delivered))
 
     for done, _ in enumerate(each(draw, range(len(frames)))):
@@ -106,17 +108,17 @@ def run(context: StageContext) -> None:
         context.progress(done + 1, len(frames), "telling where pixels come from")
 
 
-def _inpainted(context: StageContext, drive: Drive, corrections: Corrections | None) -> Sequence[NDArray[np.uint8]]:
-    """(H, W, 3) per frame in canonical colours, what the stage fits the scene to: corrected, where a person did that."""
+def _inpainted(context: StageContext, drive: Drive, corrections: Corrections | None) -> Sequence[Levels]:
+    """(H, W, 3) per frame, levels of 255 in canonical colours: what the scene is fitted to, corrected where a person did that."""
     folder, frames = context.workspace.root / "inpainted", drive.frames
     exposures = read_exposures(context.workspace.exposure_json)
 
-    def read(i: int) -> NDArray[np.uint8]:
-        inpainted = read_image(frame_file(folder, frames[i]))
+    def read(i: int) -> Levels:
+        inpainted = exposures.read_packed(frame_file(folder, frames[i]))
         if corrections is None or not corrections.touches(i):
             return inpainted
-        exposure = exposures.of(frames[i])
-        return exposure.canonical(corrections.work_size(i, exposure.photographed(inpainted)))
+        seen = corrections.work_size(i, colors_of(exposures.delivered(frames[i], inpainted)))
+        return exposures.of(frames[i]).canonical(255 * seen)
 
     return context.cache.frames(len(frames), read)
 
@@ -136,9 +138,9 @@ def _corrections(context: StageContext, drive: Drive, scene: Surfels) -> Correct
     depths = context.cache.stored(context.scratch("street"), len(frames), lambda i: (depth_of(scene, cameras[i]),))
     views = Frames(len(frames), lambda i: EmptyDepth(cameras[i], depths[i][0]))
 
-    def invent(i: int, mask: Mask) -> NDArray[np.uint8]:
-        inpainted = exposures.delivered(frames[i], read_image(frame_file(root / "inpainted", frames[i])))
-        return fill_around(inpainter(context.settings.inpainter), inpainted, mask)
+    def invent(i: int, mask: Mask) -> Float32:
+        inpainted = exposures.delivered(frames[i], exposures.read_packed(frame_file(root / "inpainted", frames[i])))
+        return colors_of(fill_around(inpainter(context.settings.inpainter), inpainted, mask))
 
     lights = [exposures.of(f) for f in frames]
     return Corrections(listed, frames, lights, views, invent, context.cache)
@@ -160,7 +162,7 @@ def _work(
     context: StageContext,
     drive: Drive,
     scene: tuple[Surfels, Mask, Mask],
-    clean: Sequence[NDArray[np.uint8]],
+    clean: Sequence[Levels],
     sky: Sky,
     corrections: Corrections | None,
 ) -> BlockwiseReoptimization:
