@@ -8,7 +8,8 @@ scene also what other frames show, and what none does) and place (edge: within E
 elsewhere): ``pixels``, and by definition the share of them whose depth is ``right``, within SAME of the true one, the share that is
 ``wrong`` by more than WRONG, and the ``median`` error, all as shares of the true depth. The definitions: ``mean`` and ``median`` as
 the rasterizer has them, and the mean where it is within so much of the median, else the median: ``mean within 0.03`` is what the
-program works with.
+program works with. ``barely covered``: of the pixels with a surface the share with alpha up to BARELY, and of these those that
+are right, and those that truly show the sky.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ JUMP, EDGE_PX = 1.1, 2
 FARTHEST_M = 60.0
 """Only what is nearer counts: farther off a share of the depth is metres, and no photograph is used for it."""
 WITHIN = (0.01, 0.03, 0.05, 0.1)
+USED, BARELY = "mean within 0.03", 0.7
+"""What the program works with; alpha up to which a pixel with a surface counts as barely covered."""
 PARTS = ("in view", "seen elsewhere", "never seen")
 
 
@@ -92,6 +95,8 @@ def measured(drive: Drive, surfels: Surfels, state: str) -> dict[str, Any]:
     """The figures of a scene."""
     assert drive.truth_root is not None
     errors: dict[tuple[str, str, str], list[Float64]] = defaultdict(list)
+    barely: list[Float64] = []
+    pixels = 0
     for frame in drive.frames:
         path = truth_file(drive.truth_root / "depth", frame)
         if path is None:
@@ -99,8 +104,14 @@ def measured(drive: Drive, surfels: Surfels, state: str) -> dict[str, Any]:
         grid = read_depth(path, frame.camera)
         found, alpha = definitions(surfels, frame)
         at, edge = np.ix_(*grid.pixels()), at_edges(grid.depth, grid.step)
-        counted = (grid.depth > 0) & (grid.depth < FARTHEST_M) & (alpha[at] > SOLID)
-        for part, inside in parts_of(drive.truth_root, frame, grid, state).items():
+        near, solid = grid.depth < FARTHEST_M, alpha[at] > SOLID
+        counted = (grid.depth > 0) & near & solid
+        parts = parts_of(drive.truth_root, frame, grid, state)
+        shown = np.logical_or.reduce(list(parts.values())) & near & solid
+        few, pixels = shown & (alpha[at] <= BARELY), pixels + int(shown.sum())
+        with np.errstate(divide="ignore"):
+            barely.append(np.abs(found[USED][at][few] / grid.depth[few] - 1))  # inf for the sky
+        for part, inside in parts.items():
             for place, there in (("edge", edge), ("surface", ~edge)):
                 which = counted & inside & there
                 for name, depth in found.items():
@@ -112,6 +123,9 @@ def measured(drive: Drive, surfels: Surfels, state: str) -> dict[str, Any]:
         if len(off):
             shares = {"right": np.mean(off < SAME), "wrong": np.mean(off > WRONG), "median": np.median(off)}
             of_place[name] = {key: round(float(value), 4) for key, value in shares.items()}
+    off = np.concatenate(barely)
+    shares = {"share": len(off) / pixels, "right": np.mean(off < SAME), "sky": np.mean(np.isinf(off))}
+    figures["barely covered"] = {key: round(float(value), 4) for key, value in shares.items()}
     return figures
 
 
@@ -129,7 +143,7 @@ def main() -> None:
         }
         for state, parts in streets[root.name].items():
             for part, places in parts.items():
-                for place, row in places.items():
+                for place, row in places.items() if part != "barely covered" else ():
                     print(f"{root.name} {state}, {part}, {place}: {row['pixels']} pixels")
                     for name, figures in row.items():
                         if name != "pixels":
