@@ -45,6 +45,7 @@ ORDER = {
     "inpaint": "ground, light, facades, frames",
     "remove": "selection, visibility",
     "movers": "dynamic objects",
+    "view": "the scene as a frame sees it",
     "optimize": "reconstruct, re-optimize",
     "solve": "cameras and points from footage",
     "labelling": "labels by boxes, networks",

@@ -10,6 +10,7 @@ import pytest
 
 import unveil_core as unveil
 from unveil_core.base.errors import SettingsError, WorkspaceError
+from unveil_core.base.files import write_image_atomic
 from unveil_core.base.pictures.decoding import read_image_as_it_is, read_label_image
 from unveil_core.workspace.files import save_mask
 
@@ -31,6 +32,19 @@ def test_at_the_size_of_the_footage(finished: Path) -> None:
     removed, shadows, changed, _ = masks
     assert removed.dtype == bool and removed.any() and np.array_equal(changed, removed | shadows)
     assert depth.dtype == np.float32 and set(np.unique(provenance)) <= set(range(5))
+
+
+def test_grey_footage_has_a_channel(finished: Path, tmp_path: Path) -> None:
+    """What is asked of the pixels along the last axis is asked of pixels, not of rows."""
+    root = shutil.copytree(finished, tmp_path / "w")
+    grey = np.arange(96 * 128, dtype=np.uint16).reshape(96, 128)
+    changed = np.where(np.indices(grey.shape)[1] < 32, 60_000, grey).astype(np.uint16)
+    for folder, picture in (("drive/footage", grey), ("frames", changed)):
+        write_image_atomic(root / folder / "front/0000.png", picture)
+    frame = unveil.Workspace.open(root).frames()[0]
+    photo, clean = frame.photo(), frame.clean()
+    assert photo.shape == clean.shape == (96, 128, 1) and np.array_equal(photo[..., 0], grey)
+    assert (photo == clean).all(axis=-1).mean() == 0.75
 
 
 def test_at_working_size_without_a_lens(finished: Path) -> None:

@@ -13,6 +13,7 @@ from tests.exact_scene import build_exact_workspace
 from unveil_core.app.cli import main
 from unveil_core.app.render_views import DEPTH_STEPS_PER_M
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.kernels.device import CPU, Device
 from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 
 PLANES = ("rgb", "depth", "normal", "alpha", "semantics")
@@ -64,3 +65,24 @@ def test_a_camera_is_moved_along_its_own_axes(exact: Path) -> None:
     moved = camera.moved(right=1.5, up=0.5, ahead=-2.0)
     assert np.allclose(moved.centre - camera.centre, 1.5 * right - 0.5 * down - 2.0 * ahead)
     assert np.array_equal(moved.forward, camera.forward)
+
+
+def test_a_device_can_be_chosen_and_is_refused_in_one_line(exact: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = unveil.Workspace.open(exact).frames(size="work")[0]
+    scene = unveil.Workspace.open(exact).scene("empty")
+    asked: list[str] = []
+
+    def told(setting: str) -> Device:
+        asked.append(setting)
+        return CPU
+
+    with monkeypatch.context() as patch:
+        patch.setattr("unveil_core.api.scenes.chosen_device", told)
+        planes = [scene.render(frame.camera, "depth", device=d) for d in ("auto", "cpu")]
+        assert np.array_equal(planes[0], planes[1]) and np.array_equal(frame.depth(device="cuda"), planes[0])
+        assert asked == ["auto", "cpu", "cuda"]
+    monkeypatch.setattr(torch.version, "cuda", None)
+    with pytest.raises(SettingsError, match="no GPU can be used: this torch is a build without CUDA"):
+        scene.render(frame.camera, device="cuda")
+    with pytest.raises(SettingsError, match="Not a choice of device: 'gpu'.*auto, cpu, cuda"):
+        scene.render(frame.camera, device="gpu")  # type: ignore[call-overload]

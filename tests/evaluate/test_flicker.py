@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from unveil_core.base.errors import Cancelled
 from unveil_core.base.files import write_image_atomic
@@ -19,10 +18,8 @@ from unveil_core.evaluate.flicker import (
     match_pixels,
     measure_flicker,
     read_depth,
-    rendered_depth,
 )
 from unveil_core.geometry.camera import Camera
-from unveil_core.surfels.initialize import surfels_from_points
 
 WIDTH, HEIGHT, FOCAL, DISTANCE = 64, 48, 60.0, 6.0
 
@@ -180,23 +177,6 @@ def test_cameras_are_tracks_of_their_own_and_methods_may_lack_frames() -> None:
     assert found["pairs"] == 2
     assert found["methods"]["ours"] == {"absolute": 4.0, "squared": 20.0, "pairs": 2}
     assert found["methods"]["telea"] == {"absolute": 2.0, "squared": 4.0, "pairs": 1}
-
-
-def test_rendered_depth_is_that_of_the_surface() -> None:
-    x, y = np.meshgrid(np.arange(-5, 5, 0.1), np.arange(-5, 5, 0.1))
-    points = np.stack([x.ravel(), y.ravel(), np.full(x.size, DISTANCE)], axis=1)
-    surfels = surfels_from_points(
-        points,
-        np.full((len(points), 3), 128, np.uint8),
-        np.zeros(len(points), np.int64),
-        np.tile([0.0, 0.0, -1.0], (len(points), 1)),
-        np.full(len(points), 0.1),
-        opacity=0.95,
-    )
-    grid = rendered_depth(surfels, camera_at(0.0), near=0.2, far=100.0)
-    assert np.allclose(grid.depth, DISTANCE, atol=0.01)
-    nothing = rendered_depth(surfels.select(torch.zeros(len(points), dtype=torch.bool)), camera_at(0), near=0.2, far=9)
-    assert not nothing.depth.any()
 
 
 def test_it_can_be_cancelled() -> None:

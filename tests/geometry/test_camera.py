@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -63,3 +64,16 @@ def test_a_homography_takes_what_lies_on_a_plane_to_where_another_camera_shows_i
     assert (depth > 0).all()
     moved = np.column_stack([pixels - 0.5, np.ones(3)]) @ found.T
     np.testing.assert_allclose(moved[:, :2] / moved[:, 2:] + 0.5, at, atol=1e-9)
+
+
+def test_intrinsics_for_pixels_by_the_field_and_by_opencv() -> None:
+    """K and viewmat project as :meth:`Camera.project`; functions of cv2 count from the centre of the first pixel."""
+    camera = replace(CAMERA.moved(right=0.3, up=-0.2, ahead=0.5), cx=47.3)
+    points = np.array([[0.5, -0.4, 3.0], [-1.0, 0.8, 6.0]])
+    expected, depth = camera.project(points)
+    local = np.column_stack([points, np.ones(2)]) @ camera.viewmat.T
+    pixels = local[:, :3] @ camera.K.T
+    np.testing.assert_allclose(pixels[:, :2] / pixels[:, 2:], expected)
+    np.testing.assert_allclose(local[:, 2], depth)
+    by_opencv = cv2.projectPoints(local[:, :3].copy(), np.zeros(3), np.zeros(3), camera.opencv_matrix, None)[0][:, 0]
+    np.testing.assert_allclose(by_opencv + 0.5, expected)

@@ -62,7 +62,7 @@ def test_a_wall_is_seen_from_beside_the_object() -> None:
     alpha_empty = np.zeros((HEIGHT, WIDTH), np.float32)
     alpha_empty[HEIGHT // 2 :] = 1
     none = np.full((HEIGHT, WIDTH), np.inf)
-    behind = depth_behind((alpha_empty, alpha_empty * np.float32(WALL)), none)
+    behind = depth_behind(alpha_empty * np.float32(WALL), none)
     mask = never_seen(camera(0), hidden, behind, together(views))
     assert not mask.any()
     alone = never_seen(camera(0), hidden, behind, together(views[:1]))
@@ -93,12 +93,10 @@ def test_the_ground_counts_where_nothing_is_left() -> None:
     nothing = np.zeros((HEIGHT, WIDTH), np.float32)
     ground = np.full((HEIGHT, WIDTH), np.inf)
     ground[25:] = 6.0
-    assert not never_seen(camera(0), hidden, depth_behind((nothing, nothing), ground), together(views)).any()
+    assert not never_seen(camera(0), hidden, depth_behind(nothing, ground), together(views)).any()
     # Without the ground it would be sky, which nobody sees down there.
     no_ground = np.full((HEIGHT, WIDTH), np.inf)
-    assert np.array_equal(
-        never_seen(camera(0), hidden, depth_behind((nothing, nothing), no_ground), together(views)), hidden
-    )
+    assert np.array_equal(never_seen(camera(0), hidden, depth_behind(nothing, no_ground), together(views)), hidden)
 
 
 def floor_view(x: float, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
@@ -158,9 +156,8 @@ def test_the_sky_is_seen_through_a_haze_of_surfels_where_a_label_says_so() -> No
 
 
 def test_what_stands_or_the_terrain_lies_behind() -> None:
-    ones = np.ones(5, np.float32)
-    left = (np.array([1, 1, 1, 1, 0], np.float32), 30 * ones)  # through holes of the ground the scene shows what is far
-    standing = (np.array([0, 1, 1, 0, 0], np.float32), np.array([0, 6, 20, 0, 0], np.float32))
+    left = np.array([30, 30, 30, 30, 0], np.float32)  # through holes of the ground the scene shows what is far
+    standing = np.array([0, 6, 20, 0, 0], np.float32)
     terrain = np.array([9, 9, 9, np.inf, np.inf])
     chart = np.array([12, 12, 12, 12, np.inf])
     # Terrain; what stands before it; terrain before what stands; no terrain: the chart; nothing: the sky.

@@ -13,8 +13,8 @@ from tests.plain_ply import read_plain_ply
 from tests.raster.scenes import random_ellipsoids, random_surfels
 from unveil_core.base.errors import UnveilError
 from unveil_core.geometry.similarity import Similarity
-from unveil_core.surfels.ply import THIN_LOG_SCALE, read_surfels, write_surfels
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.ply import read_surfels, write_surfels
+from unveil_core.surfels.surfels import THIN_LOG_SCALE, Surfels
 
 
 @pytest.mark.parametrize("surfels", [random_surfels(9, 0, degree=2), random_ellipsoids(9, 0, degree=0)])

@@ -82,13 +82,13 @@ class FrameView:
         return None if self.size == "work" or footage is None else footage.distortion
 
     def photo(self) -> Picture:
-        """(H, W, 3) RGB, (H, W, 4) RGBA or (H, W): the photograph, with 8 or 16 bits as the footage has them.
+        """(H, W, C), the photograph, with the channels and the 8 or 16 bits of the footage: grey, RGB or RGBA.
 
         Raises:
             DriveError: it cannot be read.
         """
         footage = self.imported.footage
-        return read_image_as_it_is(self.imported.image_path if self.size == "work" or footage is None else footage.path)
+        return _with_channels(self.imported.image_path if self.size == "work" or footage is None else footage.path)
 
     def clean(self) -> Picture:
         """The same of the empty street.
@@ -97,7 +97,7 @@ class FrameView:
             WorkspaceError: it was not made yet.
         """
         folder, stage = ("clean", "reoptimize") if self.size == "work" else ("frames", "deliver")
-        return read_image_as_it_is(self._file(folder, stage))
+        return _with_channels(self._file(folder, stage))
 
     def mask(self, kind: Literal["removed", "shadows", "changed", "unobserved"] = "removed") -> NDArray[np.bool_]:
         """(H, W) bool, see :data:`MASKS`.
@@ -129,13 +129,19 @@ class FrameView:
         found = read_instance_image(self._given(self.imported.instance_path, "instance maps"))
         return self._sized(found.astype(np.uint16), 0)
 
-    def depth(self, state: Literal["full", "empty"] = "empty") -> NDArray[np.float32]:
+    def depth(
+        self, state: Literal["full", "empty"] = "empty", *, device: Literal["auto", "cpu", "cuda"] = "auto"
+    ) -> NDArray[np.float32]:
         """(H, W) float32 metres along the optical axis, of the scene's surfaces; 0 where there is none.
 
+        Args:
+            state: of the scene; device: that renders, as for ``Scene.render``.
         Raises:
-            WorkspaceError: the scene was not made yet.
+            WorkspaceError: the scene was not made yet. SettingsError: "cuda" where no GPU can be used.
         """
-        found: NDArray[np.float32] = self._sized(self.scene(state).render(self.imported.camera, "depth"), 0)
+        found: NDArray[np.float32] = self._sized(
+            self.scene(state).render(self.imported.camera, "depth", device=device), 0
+        )
         return found
 
     def provenance(self) -> NDArray[np.uint8]:
@@ -172,3 +178,9 @@ class FrameView:
             return plane
         at = work_positions(footage, self.imported.camera) - np.float32(0.5)
         return cv2.remap(plane, at, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=beyond)
+
+
+def _with_channels(path: Path) -> Picture:
+    """(H, W, C) of a file: a grey picture has one channel, so that what holds for pixels is asked along the last axis of all."""
+    picture = read_image_as_it_is(path)
+    return picture[..., None] if picture.ndim == 2 else picture

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from numpy.typing import NDArray
 
 from unveil_core.app.render_views import check_planes, read_scene, rendered_planes
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.kernels.device import DEVICES, chosen_device, working_on
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.sky import Sky
@@ -18,7 +20,9 @@ from unveil_core.workspace.files import load_labels
 if TYPE_CHECKING:
     from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Scene"]
+__all__ = ["DeviceName", "Scene"]
+
+DeviceName = Literal["auto", "cpu", "cuda"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +55,14 @@ class Scene:
         return f"Scene({self.state!r}, {len(self.surfels)} surfels)"
 
     @overload
-    def render(self, camera: Camera, planes: str = "rgb") -> NDArray[Any]: ...
+    def render(self, camera: Camera, planes: str = "rgb", *, device: DeviceName = "auto") -> NDArray[Any]: ...
     @overload
-    def render(self, camera: Camera, planes: tuple[str, ...] | list[str]) -> tuple[NDArray[Any], ...]: ...
-    def render(self, camera: Camera, planes: str | Sequence[str] = "rgb") -> NDArray[Any] | tuple[NDArray[Any], ...]:
+    def render(
+        self, camera: Camera, planes: tuple[str, ...] | list[str], *, device: DeviceName = "auto"
+    ) -> tuple[NDArray[Any], ...]: ...
+    def render(
+        self, camera: Camera, planes: str | Sequence[str] = "rgb", *, device: DeviceName = "auto"
+    ) -> NDArray[Any] | tuple[NDArray[Any], ...]:
         """Render the scene, its sky included, from any camera.
 
         ========= =====================================================================================================
@@ -68,12 +76,16 @@ class Scene:
         Args:
             camera: a frame's, or ``frame.camera.moved(right=1.5)``.
             planes: the name of one, or several.
+            device: that renders: "cpu"; "cuda", an NVIDIA GPU; or "auto", the GPU where there is one that can be used.
         Returns:
             the plane, or a tuple of them in the order of the names.
         Raises:
-            SettingsError: no plane of that name.
+            SettingsError: no plane or device of that name, or "cuda" where no GPU can be used.
         """
         names = (planes,) if isinstance(planes, str) else tuple(planes)
         check_planes(names)
-        found = rendered_planes(self.surfels, self.sky, camera, names, self.labels)
+        if device not in DEVICES:
+            raise SettingsError(f"Not a choice of device: {device!r}", mend=f"use one of {', '.join(DEVICES)}")
+        with working_on(chosen_device(device)):
+            found = rendered_planes(self.surfels, self.sky, camera, names, self.labels)
         return found[names[0]] if isinstance(planes, str) else tuple(found[name] for name in names)

@@ -30,6 +30,7 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
+from unveil_core.view.surface import SOLID, SURFACE_PLANES, surface_depth
 from unveil_core.workspace.files import load_labels
 from unveil_core.workspace.scene_states import SCENE_STATES, check_scene_state, scene_file
 from unveil_core.workspace.workspace import Workspace
@@ -40,14 +41,12 @@ STATES = SCENE_STATES
 PLANES = ("rgb", "depth", "normal", "alpha", "semantics")
 _NEEDS = {
     "rgb": ("rgb", "alpha"),
-    "depth": ("alpha", "median_depth"),
+    "depth": SURFACE_PLANES,
     "normal": ("alpha", "normal"),
     "alpha": ("alpha",),
     "semantics": ("alpha", "semantics"),
 }
 DEPTH_STEPS_PER_M = 256
-SOLID = 0.5
-"""Where less light is stopped, the sky is seen: no depth, no normal, and the sky's label."""
 FARTHEST_SHIFT_M = 1000.0
 
 
@@ -193,7 +192,7 @@ def rendered_planes(
     out = rendered(surfels, camera, needed, near=NEAR_M, far=FAR_M, label_count=labels)
     found = {n: array(getattr(out, n)) for n in needed}
     alpha = found["alpha"]
-    solid = alpha > SOLID
+    solid = alpha > SOLID  # elsewhere the sky is seen: no depth, no normal, and the sky's label
     shown: dict[str, NDArray[Any]] = {}
     for plane in dict.fromkeys(planes):
         if plane == "rgb":
@@ -201,7 +200,7 @@ def rendered_planes(
         elif plane == "alpha":
             shown[plane] = alpha.astype(np.float32)
         elif plane == "depth":
-            shown[plane] = np.where(solid, found["median_depth"], 0).astype(np.float32)
+            shown[plane] = surface_depth(out)
         elif plane == "normal":
             # To the axes of normal maps: OpenCV's y and z point the other way.
             normal = found["normal"] * (1, -1, -1)

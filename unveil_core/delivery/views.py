@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.drives.depth_range import ASKED_M, FAR_M, NEAR_M
+from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground.street import Ground
-from unveil_core.raster.picture import render_numpy
-from unveil_core.surfels.surfels import Surfels
 
 __all__ = [
     "NEAREST_M",
@@ -23,7 +21,6 @@ __all__ = [
     "EmptyViews",
     "PlacesBehind",
     "choose_sources",
-    "depth_of",
     "ground_before",
     "others_near",
     "places_behind",
@@ -44,8 +41,6 @@ FINER = 1.6
 
 ON_GROUND = 0.05
 """Share of its depth by which what the scene shows may lie before the ground and be the ground."""
-SOLID = 0.5
-"""Alpha of the empty scene above which a pixel shows a surface."""
 NEAREST_M = 0.1
 """Depth in front of which a camera shows nothing, metres."""
 
@@ -56,17 +51,11 @@ class EmptyDepth:
 
     Attributes:
         camera: of working size.
-        depth: (H, W) of the empty scene along the optical axis, 0 where it has no surface.
+        depth: (H, W) of the empty scene, see :func:`unveil_core.view.surface.surface_depth`.
     """
 
     camera: Camera
     depth: Float32
-
-
-def depth_of(surfels: Surfels, camera: Camera) -> Float32:
-    """(H, W) of the empty scene, as :class:`EmptyDepth` has it."""
-    rendered = render_numpy(surfels, camera, near=NEAR_M, far=FAR_M)
-    return np.where(rendered["alpha"] > SOLID, rendered["depth"], 0).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,13 +20,12 @@ from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.base.types import Mask, Picture
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.baselines import with_border, with_neighbours
 from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.detail.objects import read_object_names
-from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
+from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth
 from unveil_core.evaluate.frame_scores import FrameScores, Networks, Sources, score_frame
 from unveil_core.evaluate.free_views import measure_free_views
 from unveil_core.evaluate.kept_scores import scores_from_arrays, scores_to_arrays
@@ -35,6 +34,7 @@ from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel
 from unveil_core.evaluate.pictures import fitted, truth_file, truth_mask, workspace_mask
 from unveil_core.evaluate.summary import METHODS, summary
 from unveil_core.surfels.ply import read_surfels
+from unveil_core.view.surface import scene_depth
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["METHODS", "run_evaluation", "write_metrics"]
@@ -183,7 +183,7 @@ def _flicker(
 
     def depth_of(frame: Frame) -> DepthGrid | None:
         if scene is not None:
-            return rendered_depth(scene, frame.camera, near=NEAR_M, far=FAR_M)
+            return DepthGrid(frame.camera, scene_depth(scene, frame.camera))
         path = None if truth is None else truth_file(truth / "depth", frame)
         return None if path is None else read_depth(path, frame.camera)
 

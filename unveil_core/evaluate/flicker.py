@@ -23,19 +23,14 @@ from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.near_camera import near_camera
-from unveil_core.raster.on_device import array, rendered
-from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["DepthGrid", "Matches", "differences", "match_pixels", "measure_flicker", "read_depth", "rendered_depth"]
+__all__ = ["DepthGrid", "Matches", "differences", "match_pixels", "measure_flicker", "read_depth"]
 
 
 AGREEMENT = 0.03
 """Depths within this share of each other are of one surface."""
 STEPS_A_METRE = 256
 """Of depth images, as KITTI keeps them."""
-SOLID = 0.7
-"""Of a rendered scene, a pixel with less alpha than this has no one depth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +101,6 @@ def _at_size(depth: NDArray[np.float64], height: int, width: int) -> NDArray[np.
         # One surface: the neighbours lie within what two frames may disagree by, on either side of their mean.
         alike = square - mean**2 < (AGREEMENT * mean) ** 2
         return np.where(alike, 1.0 / np.where(alike, mean, 1.0), near)
-
-
-def rendered_depth(surfels: Surfels, camera: Camera, *, near: float, far: float) -> DepthGrid:
-    """Median depth of a scene where it is solid."""
-    out = rendered(near_camera(surfels, camera), camera, ("alpha", "median_depth"), near=near, far=far)
-    return DepthGrid(camera, np.where(array(out.alpha) > SOLID, array(out.median_depth), 0).astype(np.float64))
 
 
 def match_pixels(one: DepthGrid, other: DepthGrid, region: Mask) -> Matches:

@@ -18,9 +18,10 @@ from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.base.types import Float32, Float64
 from unveil_core.exports.coordinates import z_up
 from unveil_core.exports.job import Job
-from unveil_core.exports.splats.placed import opacities, three_log_scales
+from unveil_core.exports.splats.placed import opacities
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.raster.spherical_harmonics import SH0
+from unveil_core.surfels.surfels import three_log_scales
 
 __all__ = ["ROOT", "new_stage", "set_mesh", "write_usd_mesh", "write_usd_points", "write_usd_splats"]
 

@@ -47,9 +47,19 @@ class Camera:
         return self.width, self.height, self.fx, self.fy, self.cx, self.cy
 
     @property
-    def matrix(self) -> Float64:
-        """(3, 3) of pixels whose centres are whole numbers, as OpenCV counts."""
-        return np.array([[self.fx, 0, self.cx - 0.5], [0, self.fy, self.cy - 0.5], [0, 0, 1.0]])
+    def K(self) -> Float64:
+        """(3, 3) intrinsics of pixels whose centres lie at integer + 0.5: what gsplat and nerfstudio call so."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+    @property
+    def viewmat(self) -> Float64:
+        """(4, 4) from world to camera, x right, y down, z forward: :attr:`world_to_camera` by the name that gsplat gives it."""
+        return self.world_to_camera
+
+    @property
+    def opencv_matrix(self) -> Float64:
+        """(3, 3) intrinsics for functions of cv2 alone, whose pixel centres lie at integers: half a pixel from :attr:`K`."""
+        return self.K - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
 
     @property
     def camera_to_world(self) -> Float64:
@@ -67,15 +77,15 @@ class Camera:
         return self.world_to_camera[2, :3].copy()
 
     def homography(self, other: Camera, normal: Float64, distance: float) -> Float64 | None:
-        """(3, 3) from the pixels of this camera to those of another one, both as of :attr:`matrix`, of what lies on a plane; None
-        where it takes the first pixel to infinity (Hartley and Zisserman, *Multiple View Geometry*, 13.1).
+        """(3, 3) from the pixels of this camera to those of another one, both as :attr:`opencv_matrix` has them, of what lies on a
+        plane; None where it takes the first pixel to infinity (Hartley and Zisserman, *Multiple View Geometry*, 13.1).
 
         Args:
             normal: (3,) of the plane in this camera's axes, away from the camera; distance: of the plane from it.
         """
         to_other = other.world_to_camera @ self.camera_to_world
         plane = to_other[:3, :3] + np.outer(to_other[:3, 3], normal) / distance
-        found = other.matrix @ plane @ np.linalg.inv(self.matrix)
+        found = other.opencv_matrix @ plane @ np.linalg.inv(self.opencv_matrix)
         return np.asarray(found / found[2, 2]) if abs(found[2, 2]) > 1e-9 else None
 
     def moved(self, *, right: float = 0.0, up: float = 0.0, ahead: float = 0.0) -> Camera:

@@ -13,10 +13,9 @@ from unveil_core.mesh.tsdf import DepthView
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
+from unveil_core.view.surface import SURFACE_PLANES, surface_depth
 
 __all__ = ["depth_views"]
-
-SOLID = 0.7
 
 
 def depth_views(
@@ -27,7 +26,7 @@ def depth_views(
     far: float,
     without: Sequence[NDArray[np.bool_]] | None = None,
 ) -> Sequence[DepthView]:
-    """Median depth and colour of the frames' cameras, where the surfels are solid, made when they are asked for.
+    """Depth and colour of the frames' cameras, where the surfels are solid, made when they are asked for.
 
     Args:
         without: per frame (H, W), pixels that are left out.
@@ -35,12 +34,9 @@ def depth_views(
 
     def view(i: int) -> DepthView:
         camera = frames[i].camera
-        out = rendered(near_camera(surfels, camera), camera, ("rgb", "alpha", "median_depth"), near=near, far=far)
-        alpha = array(out.alpha)
-        solid = alpha > SOLID
-        if without is not None:
-            solid &= ~without[i]
-        rgb = np.clip(array(out.rgb) / np.maximum(alpha, 1e-3)[..., None], 0, 1)
-        return DepthView(camera, np.where(solid, array(out.median_depth), 0).astype(np.float32), rgb)
+        out = rendered(near_camera(surfels, camera), camera, ("rgb", *SURFACE_PLANES), near=near, far=far)
+        rgb = np.clip(array(out.rgb) / np.maximum(array(out.alpha), 1e-3)[..., None], 0, 1)
+        depth = surface_depth(out)
+        return DepthView(camera, depth if without is None else np.where(without[i], 0, depth), rgb)
 
     return Frames(len(frames), view)

@@ -16,6 +16,7 @@ from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array
 from unveil_core.raster.on_device import rendered as rendered_planes
 from unveil_core.surfels.surfels import Surfels
+from unveil_core.view.surface import SURFACE_PLANES, surface_depth
 
 __all__ = ["frame_origins", "marked_by", "rendered_origins"]
 
@@ -28,21 +29,20 @@ def marked_by(surfels: Surfels, origins: Origins) -> Surfels:
 
 
 def rendered_origins(marked: Surfels, camera: Camera) -> tuple[Origins, NDArray[np.float32]]:
-    """(H, W) the origin that has most weight in each pixel of a rendered scene, and (H, W) the depth there, 0 for the sky.
+    """(H, W) the origin that has most weight in each pixel of a rendered scene, and (H, W) its depth, see
+    :func:`unveil_core.view.surface.surface_depth`.
 
     The sky counts as seen elsewhere: it is a panorama of what all frames show of it.
 
     Args:
         marked: M surfels, see :func:`marked_by`.
     """
-    planes = ("alpha", "depth", "semantics")
+    planes = (*SURFACE_PLANES, "semantics")
     near = near_camera(marked, camera)
     out = rendered_planes(near, camera, planes, label_count=ORIGIN_COUNT, near=NEAR_M, far=FAR_M)
-    weight, alpha = array(out.semantics).copy(), array(out.alpha)
-    weight[..., SEEN_ELSEWHERE] += 1 - alpha
-    # The same rule as that of delivery: half of the light says whether there is a surface.
-    depth = np.where(alpha > 0.5, array(out.depth) / np.maximum(alpha, 0.5), 0)
-    return weight.argmax(axis=2).astype(np.uint8), depth.astype(np.float32)
+    weight = array(out.semantics).copy()
+    weight[..., SEEN_ELSEWHERE] += 1 - array(out.alpha)
+    return weight.argmax(axis=2).astype(np.uint8), surface_depth(out)
 
 
 def frame_origins(rendered: Origins, inpainted: Origins, optimized: Mask, shadows: Mask, unobserved: Mask) -> Origins:

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.fit import DriveGround
-from unveil_core.raster.near_camera import near_camera
-from unveil_core.raster.on_device import array, rendered
-from unveil_core.raster.picture import render_numpy
 from unveil_core.remove.observed import depth_behind
 from unveil_core.surfels.surfels import Surfels
+from unveil_core.view.surface import scene_depth
 
 __all__ = ["EmptyStreet", "empty_street"]
 
@@ -41,19 +39,12 @@ class EmptyStreet:
         street = np.full(pixels.shape, np.inf)
         if self.ground.street is not None:
             street[pixels] = self.ground.street.intersect(camera, camera.rays()[pixels])[0]
-        left = render_numpy(self.left, camera, near=NEAR_M, far=FAR_M)
-        if self.ground.terrain is None:
-            behind = depth_behind((left["alpha"], left["depth"]), street)
+        left, terrain = scene_depth(self.left, camera), self.ground.terrain
+        if terrain is None:
+            behind = depth_behind(left, street)
         else:
-            # The median depth: a pole before a wall stands at one of their depths, not between them.
-            standing = near_camera(self.standing, camera)
-            upright = rendered(standing, camera, ("alpha", "median_depth"), near=NEAR_M, far=FAR_M)
-            behind = depth_behind(
-                (left["alpha"], left["depth"]),
-                street,
-                (array(upright.alpha), array(upright.median_depth)),
-                self.ground.terrain.depth(camera, pixels, near=NEAR_M, far=FAR_M),
-            )
+            ends = terrain.depth(camera, pixels, near=NEAR_M, far=FAR_M)
+            behind = depth_behind(left, street, scene_depth(self.standing, camera), ends)
         return np.where(pixels, behind, np.inf)
 
 

@@ -32,8 +32,8 @@ FARTHEST_M = 60_000.0
 """Depth for surfaces that reach to the horizon, metres: half floats go to 65,504."""
 CELL_M = 20.0
 """Side of the cells of the ground whose places are given up together where a frame cannot show them, metres."""
-SKY_ALPHA, SURFACE = 0.3, 0.5
-"""Alpha: a pixel of the full scene below the first shows sky, one of the empty scene above the second a surface."""
+SKY_ALPHA = 0.3
+"""Alpha of the full scene up to which a pixel shows the sky."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +146,9 @@ def seen_by_some(points: Float64, directions: Float64, views: SeenViews, place: 
 
 
 def depth_behind(
-    remaining: tuple[NDArray[np.float32], NDArray[np.float32]],
+    remaining: NDArray[np.float32],
     chart_depth: Float64,
-    upright: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
+    upright: NDArray[np.float32] | None = None,
     terrain_depth: Float64 | None = None,
 ) -> Float64:
     """(H, W) depth of the surface behind removed objects, inf for the sky.
@@ -158,19 +158,19 @@ def depth_behind(
     counts.
 
     Args:
-        remaining: alpha and depth (H, W) of the scene without the removed objects.
+        remaining: (H, W) depth of the scene without the removed objects, 0 where it has no surface.
         chart_depth: (H, W) of the street's ground, inf where none.
-        upright: alpha and depth (H, W) of the surfels of that scene that do not lie on the ground; terrain_depth: (H, W), inf
-            where none. Both or neither.
+        upright: (H, W) depth of the surfels of that scene that do not lie on the ground, 0 where there is none;
+            terrain_depth: (H, W), inf where none. Both or neither.
     """
-    behind = np.minimum(_surface(*remaining), chart_depth)
+    behind = np.minimum(_surface(remaining), chart_depth)
     if upright is None or terrain_depth is None:
         return behind
-    return np.minimum(_surface(*upright), np.where(np.isfinite(terrain_depth), terrain_depth, behind))
+    return np.minimum(_surface(upright), np.where(np.isfinite(terrain_depth), terrain_depth, behind))
 
 
-def _surface(alpha: NDArray[np.float32], depth: NDArray[np.float32]) -> Float64:
-    return np.where(alpha > SURFACE, depth.astype(np.float64), np.inf)
+def _surface(depth: NDArray[np.float32]) -> Float64:
+    return np.where(depth > 0, depth.astype(np.float64), np.inf)
 
 
 def never_seen(camera: Camera, hidden: Mask, depth: Float64, views: SeenViews) -> Mask:

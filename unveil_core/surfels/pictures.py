@@ -29,5 +29,5 @@ def from_array(camera: Camera) -> Float64:
 def to_other(first: Camera, second: Camera) -> tuple[Float64, Float64]:
     """(3, 3) and (3,): array position p of ``first`` at inverse depth i lies in ``second`` at ``turn p + i shift``."""
     relative = second.world_to_camera @ first.camera_to_world
-    there = second.matrix
+    there = second.opencv_matrix
     return there @ relative[:3, :3] @ from_array(first), there @ relative[:3, 3]

@@ -21,12 +21,9 @@ from unveil_core.base.errors import UnveilError
 from unveil_core.base.ply.reading import UNREADABLE, read_vertices
 from unveil_core.base.ply.writing import write_vertices
 from unveil_core.geometry.similarity import Similarity
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.surfels import THIN_LOG_SCALE, Surfels
 
-__all__ = ["THIN_LOG_SCALE", "read_surfels", "write_surfels"]
-
-THIN_LOG_SCALE = float(np.log(1e-4))
-"""The third scale that is written for viewers that expect ellipsoids, natural logarithm of metres."""
+__all__ = ["read_surfels", "write_surfels"]
 
 
 def _names(rest: int) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import TypedDict
 
 import numpy as np
 import torch
@@ -17,11 +18,27 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import normalize
 
-__all__ = ["FLATNESS", "Surfels", "as_ellipsoids", "concatenate", "rotations", "with_sh_degree"]
+from unveil_core.base.errors import SettingsError
+
+__all__ = [
+    "FLATNESS",
+    "THIN_LOG_SCALE",
+    "GsplatScene",
+    "Surfels",
+    "as_ellipsoids",
+    "concatenate",
+    "rotations",
+    "three_log_scales",
+    "with_sh_degree",
+]
 
 
 FLATNESS = 0.1
 """Thickness of an ellipsoid that stands for a disc, as a share of its smaller extent."""
+THIN_LOG_SCALE = math.log(1e-4)
+"""The third scale that is given to programs that expect ellipsoids, natural logarithm of metres: a tenth of a millimetre."""
+OPAQUE = 1 - 1e-6
+"""The largest opacity that is taken from other programs: the logit of 1 is infinite. The rasterizer stops at 0.99."""
 
 
 def rotations(quats: Tensor) -> Tensor:
@@ -33,6 +50,17 @@ def rotations(quats: Tensor) -> Tensor:
         torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], dim=1),
     ]
     return torch.stack(columns, dim=2)
+
+
+class GsplatScene(TypedDict):
+    """What ``gsplat.rasterization_2dgs`` takes of a scene, see :meth:`Surfels.as_gsplat`."""
+
+    means: Tensor
+    quats: Tensor
+    scales: Tensor
+    opacities: Tensor
+    colors: Tensor
+    sh_degree: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +139,64 @@ class Surfels:
         columns = [getattr(self, f.name).split(list(counts)) for f in fields(self)]
         return [Surfels(*parts) for parts in zip(*columns, strict=True)]
 
+    def as_gsplat(self) -> GsplatScene:
+        """The arguments that ``gsplat.rasterization_2dgs`` takes of a scene, with activated values, on the same device.
+
+        Gradients flow through them. Labels are not among them, and a disc's third scale is a thin constant that gsplat leaves out.
+
+        Returns:
+            ``means`` (N, 3); ``quats`` (N, 4) unit, wxyz; ``scales`` (N, 3) metres; ``opacities`` (N,) from 0 to 1; ``colors``
+            (N, (L+1)^2, 3) spherical harmonics, to which gsplat adds 0.5 as the rasterizer here does; ``sh_degree`` L.
+        """
+        identity = self.quats.new_tensor([1.0, 0.0, 0.0, 0.0])
+        quats = torch.where(self.quats.norm(dim=1, keepdim=True) > 0, normalize(self.quats, dim=1), identity)
+        return {
+            "means": self.means,
+            "quats": quats,
+            "scales": three_log_scales(self).exp(),
+            "opacities": torch.sigmoid(self.opacity_logits),
+            "colors": self.sh,
+            "sh_degree": self.sh_degree,
+        }
+
+    @staticmethod
+    def from_gsplat(
+        means: Tensor,
+        quats: Tensor,
+        scales: Tensor,
+        opacities: Tensor,
+        colors: Tensor,
+        sh_degree: int,
+        labels: Tensor | None = None,
+    ) -> Surfels:
+        """Inverse of :meth:`as_gsplat`: discs from the arguments of ``gsplat.rasterization_2dgs``.
+
+        Args:
+            means: (N, 3); quats: (N, 4) wxyz of any length; scales: (N, 3) or (N, 2) metres, of which the third is left out.
+            opacities: (N,) from 0 to 1; colors: (N, K, 3) spherical harmonics, of which the first ``(sh_degree + 1)^2`` count.
+            labels: (N,) int64 compact labels; None = 0 for all.
+        Raises:
+            SettingsError: other shapes.
+        """
+        count, width = len(means), (sh_degree + 1) ** 2
+        shapes = {"means": means, "quats": quats, "scales": scales, "opacities": opacities, "colors": colors[:, :width]}
+        expected = {"means": (3,), "quats": (4,), "scales": (scales.shape[-1],), "opacities": (), "colors": (width, 3)}
+        wrong = [n for n, values in shapes.items() if tuple(values.shape) != (count, *expected[n])]
+        if wrong or scales.shape[-1] not in (2, 3):
+            name = (wrong or ["scales"])[0]
+            raise SettingsError(
+                f"Not the shape of {count} 2D Gaussians: {name} {tuple(shapes[name].shape)}",
+                mend="give means (N, 3), quats (N, 4), scales (N, 3), opacities (N,), colors (N, K, 3)",
+            )
+        return Surfels(
+            means,
+            quats,
+            scales[:, :2].log(),
+            opacities.clamp(max=OPAQUE).logit(),
+            colors[:, :width],
+            torch.zeros(count, dtype=torch.int64, device=means.device) if labels is None else labels,
+        )
+
     def detach(self) -> Surfels:
         """The same values outside the autograd graph."""
         return replace(self, **{f.name: getattr(self, f.name).detach() for f in fields(self)})
@@ -120,6 +206,18 @@ def as_ellipsoids(discs: Surfels, thickness: float) -> Surfels:
     """3D Gaussians in the place of discs: the third scale is ``thickness`` of the smaller of the other two."""
     third = discs.log_scales.amin(dim=1, keepdim=True) + math.log(thickness)
     return replace(discs, log_scales=torch.cat([discs.log_scales, third], dim=1))
+
+
+def three_log_scales(surfels: Surfels, scale: float = 1.0) -> Tensor:
+    """(N, 3) natural logarithms of the standard deviations; a disc's third is thin, see :data:`THIN_LOG_SCALE`.
+
+    Args:
+        scale: units of the file per metre.
+    """
+    if surfels.ellipsoids:
+        return surfels.log_scales
+    thin = surfels.log_scales.new_full((len(surfels), 1), THIN_LOG_SCALE + math.log(scale))
+    return torch.cat([surfels.log_scales, thin], dim=1)
 
 
 def with_sh_degree(surfels: Surfels, degree: int) -> Surfels:

@@ -18,9 +18,9 @@ from tests.exports.conftest import Street
 from tests.exports.readers.spz import MAGIC, read_spz
 from unveil_core.app.cli import main
 from unveil_core.exports.coordinates import y_up
-from unveil_core.exports.splats.placed import placed, three_log_scales
+from unveil_core.exports.splats.placed import placed
 from unveil_core.exports.splats.spz import packed, packed_rotations
-from unveil_core.surfels.surfels import Surfels, rotations
+from unveil_core.surfels.surfels import Surfels, rotations, three_log_scales
 
 
 def check(

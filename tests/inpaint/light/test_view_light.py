@@ -39,6 +39,22 @@ def light_in(street, images: list[Picture]) -> ViewLight | None:  # type: ignore
     return light_by_view(looks, [SIZE])
 
 
+@pytest.mark.parametrize("cut", [10, 11, 14, 16])
+def test_stretches_that_meet_number_the_same_places_alike_and_others_apart(street, cut: int) -> None:  # type: ignore[no-untyped-def]
+    """Wherever a street is cut, its two parts look at the places that the whole one looks at."""
+    ground, cameras, images, _, usable = street
+    whole, before, after = (
+        read_looks(ground, cameras, [0] * len(cameras), images, usable, rows)
+        for rows in ((0, rows_of(ground)), (0, cut), (cut, rows_of(ground)))
+    )
+    assert not np.intersect1d(before.place, after.place).size
+    places = np.concatenate([before.place, after.place])
+    assert np.array_equal(np.unique(places), np.unique(whole.place)) and len(places) == len(whole.place)
+    at = {int(p): int(c) for p, c in zip(whole.place, whole.cell, strict=True)}
+    cells = np.concatenate([before.cell, after.cell])
+    assert all(at[int(p)] == c for p, c in zip(places, cells, strict=True))
+
+
 def chart_of(street, images) -> StreetChart:  # type: ignore[no-untyped-def]
     ground, cameras, _, labels, usable = street
     return read_chart(ground, cameras, images, labels, usable)

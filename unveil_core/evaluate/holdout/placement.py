@@ -18,8 +18,8 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, disc, grow
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.street import Ground
-from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
+from unveil_core.view.surface import scene_depth
 
 __all__ = [
     "COARSE_PX",
@@ -36,7 +36,6 @@ __all__ = [
 ]
 
 
-SOLID = 0.5
 STEP_S_M, STEP_T_M = 1.0, 0.3
 """Distance of the places that are tried, along the street and across, metres."""
 ROOM_M = 0.25
@@ -123,10 +122,10 @@ class CarPixels:
     color: NDArray[np.uint8]
 
 
-def scene_view(surfels: Surfels, camera: Camera, excluded: Mask, *, near: float, far: float) -> SceneView:
-    """The median depth of a scene with everything in it."""
-    out = rendered(surfels, camera, ("alpha", "median_depth"), near=near, far=far)
-    return SceneView(camera, np.where(array(out.alpha) > SOLID, array(out.median_depth), np.float32(np.inf)), excluded)
+def scene_view(surfels: Surfels, camera: Camera, excluded: Mask) -> SceneView:
+    """The depth of a scene with everything in it."""
+    depth = scene_depth(surfels, camera)
+    return SceneView(camera, np.where(depth > 0, depth, np.float32(np.inf)), excluded)
 
 
 def ground_shown(view: SceneView, ground: Ground, where: Mask) -> Mask:

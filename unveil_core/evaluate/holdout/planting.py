@@ -16,7 +16,7 @@ from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Mask
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import FAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.holdout.drive import (
@@ -33,7 +33,6 @@ from unveil_core.evaluate.pictures import workspace_mask
 from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground.files import read_ground
 from unveil_core.ground.street import Ground
-from unveil_core.raster.near_camera import near_camera
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
@@ -108,7 +107,7 @@ def read_scene(
     def look(i: int) -> SceneView:
         def drawn() -> dict[str, NDArray[Any]]:
             camera, barred = frames[i].camera, removed[i] | mask("shadows", i)
-            view = scene_view(near_camera(surfels, camera), camera, barred, near=NEAR_M, far=FAR_M)
+            view = scene_view(surfels, camera, barred)
             progress(i + 1, len(frames), "looking at the street")
             return {"depth": view.depth, "excluded": view.excluded}
 

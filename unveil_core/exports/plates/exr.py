@@ -40,12 +40,10 @@ from unveil_core.exports.whole import tell
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
+from unveil_core.view.surface import SURFACE_PLANES, surface_depth
 from unveil_core.workspace.files import frame_file, load_mask
 
 __all__ = ["write_exr"]
-
-SOLID = 0.5
-"""Where less light is stopped, the sky is seen: no depth, no normal."""
 
 Layers = dict[str, NDArray[np.generic]]
 
@@ -138,13 +136,15 @@ def _told_pixels(job: Job, frame: Frame) -> Layers:
 def _surfaces(job: Job, empty: Surfels, frame: Frame) -> Layers:
     """Depth and normal of the empty scene, at working size."""
     near = near_camera(empty, frame.camera)
-    out = rendered(near, frame.camera, ("alpha", "median_depth", "normal"), near=NEAR_M, far=FAR_M)
-    solid = array(out.alpha) > SOLID
-    depth = np.where(solid, array(out.median_depth) * job.drive.to_world.scale, 0).astype(np.float32)
+    out = rendered(near, frame.camera, (*SURFACE_PLANES, "normal"), near=NEAR_M, far=FAR_M)
+    depth = surface_depth(out)
     normal = array(out.normal) * np.array([1, -1, -1], np.float32)  # from OpenCV's axes to those of normal maps
     normal = normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-6)
-    normal = np.where(solid[..., None], normal, 0).astype(np.float32)
-    return {"depth.Z": depth, **{f"normal.{axis}": normal[..., k] for k, axis in enumerate("XYZ")}}
+    normal = np.where(depth[..., None] > 0, normal, 0).astype(np.float32)
+    return {
+        "depth.Z": depth * np.float32(job.drive.to_world.scale),
+        **{f"normal.{axis}": normal[..., k] for k, axis in enumerate("XYZ")},
+    }
 
 
 def _in_footage(values: NDArray[np.generic], frame: Frame, name: str) -> NDArray[np.generic]:

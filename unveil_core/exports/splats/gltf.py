@@ -19,11 +19,11 @@ from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.exports.color import SRGB
 from unveil_core.exports.glb import FLOAT, USHORT, GlbBuffer, glb_bytes, street_node
 from unveil_core.exports.job import Job
-from unveil_core.exports.splats.placed import opacities, placed, three_log_scales
+from unveil_core.exports.splats.placed import opacities, placed
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.mesh.export import Z_TO_Y
 from unveil_core.raster.spherical_harmonics import SH0
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.surfels import Surfels, three_log_scales
 
 __all__ = ["write_splat_gltf"]
 

@@ -14,10 +14,9 @@ from unveil_core.base.types import Float64
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.geometry.transforms import rotation_to_quat
 from unveil_core.raster.spherical_harmonics import basis
-from unveil_core.surfels.ply import THIN_LOG_SCALE
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["opacities", "placed", "three_log_scales", "turned_sh"]
+__all__ = ["opacities", "placed", "turned_sh"]
 
 DIRECTIONS = 64
 """Directions at which turned colours are fitted: four times the coefficients of degree 3, so that the fit is exact to rounding."""
@@ -71,15 +70,3 @@ def turned_sh(sh: Tensor, rotation: Float64) -> Tensor:
 def opacities(surfels: Surfels) -> Tensor:
     """(N,) 0 to 1."""
     return torch.sigmoid(surfels.opacity_logits)
-
-
-def three_log_scales(surfels: Surfels, scale: float = 1.0) -> Tensor:
-    """(N, 3) natural logarithms of the standard deviations; a disc's third is thin, a tenth of a millimetre.
-
-    Args:
-        scale: units of the file per metre.
-    """
-    if surfels.ellipsoids:
-        return surfels.log_scales
-    thin = surfels.log_scales.new_full((len(surfels), 1), THIN_LOG_SCALE + math.log(scale))
-    return torch.cat([surfels.log_scales, thin], dim=1)

@@ -33,9 +33,9 @@ from unveil_core.base.files import write_bytes_atomic, write_json_atomic
 from unveil_core.base.types import Float32, Float64
 from unveil_core.exports.coordinates import y_up
 from unveil_core.exports.job import Job
-from unveil_core.exports.splats.placed import opacities, placed, three_log_scales
+from unveil_core.exports.splats.placed import opacities, placed
 from unveil_core.exports.splats.ply import sidecar
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.surfels import Surfels, three_log_scales
 
 __all__ = [
     "MOST_FRACTIONAL_BITS",

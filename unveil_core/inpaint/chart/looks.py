@@ -42,14 +42,15 @@ def read_looks(
         rows: first and last but one row of the drive's chart.
     """
     t = np.arange(float(ground.t_min.min()), float(ground.t_max.max()), STEP * TEXEL_M)
-    s = arc_lengths(ground, rows)[::STEP]
+    begin = -(-rows[0] // STEP)  # stretches that meet look at one grid of the drive
+    s = arc_lengths(ground, (STEP * begin, rows[1]))[::STEP]
     grid_s, grid_t = np.repeat(s, len(t)), np.tile(t, len(s))
     inside = ground.inside(grid_s, grid_t)
     grid_s, grid_t = grid_s[inside], grid_t[inside]
     world = ground.path.to_world(np.stack([grid_s, grid_t, ground.height_at(grid_s, grid_t)], axis=1))
     across = int(np.ceil((t[-1] - t[0]) / CELL_M)) + 1 if len(t) else 1
     cell = ((grid_s - ground.s_start) / CELL_M).astype(np.int64) * across + ((grid_t - t[0]) / CELL_M).astype(np.int64)
-    first = round(rows[0] / STEP) * len(t) + np.flatnonzero(inside)
+    first = begin * len(t) + np.flatnonzero(inside)
 
     def look(v: int) -> tuple[NDArray[np.generic], ...]:
         shown, pixel, depth = cameras[v].shown(world, nearest=NEAREST_M, furthest=READ_M)

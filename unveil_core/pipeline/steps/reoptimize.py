@@ -16,7 +16,7 @@ from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
 from unveil_core.delivery.carried import Photographs, carried_over
-from unveil_core.delivery.views import EmptyDepth, depth_of
+from unveil_core.delivery.views import EmptyDepth
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
@@ -40,6 +40,7 @@ from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.scene_edit import read_edit
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
+from unveil_core.view.surface import scene_depth
 from unveil_core.workspace.files import frame_file, load_labels, load_mask, save_depth
 from unveil_core.workspace.movers import read_moving
 
@@ -135,7 +136,7 @@ def _corrections(context: StageContext, drive: Drive, scene: Surfels) -> Correct
     root, frames = context.workspace.root, drive.frames
     exposures = read_exposures(context.workspace.exposure_json)
     cameras = [f.camera for f in frames]
-    depths = context.cache.stored(context.scratch("street"), len(frames), lambda i: (depth_of(scene, cameras[i]),))
+    depths = context.cache.stored(context.scratch("street"), len(frames), lambda i: (scene_depth(scene, cameras[i]),))
     views = Frames(len(frames), lambda i: EmptyDepth(cameras[i], depths[i][0]))
 
     def invent(i: int, mask: Mask) -> Float32:

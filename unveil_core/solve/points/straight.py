@@ -64,8 +64,7 @@ def straightened(camera: Camera, lens: Distortion | None, longest: int = WORK_PX
     small = camera if scale == 1 else camera.resized(round(camera.width * scale), round(camera.height * scale))
     if lens is None or lens.is_zero:
         return Straightened(small, None, None)
-    # OpenCV counts from the centre of the first pixel.
-    own, new = camera.matrix, small.matrix
+    own, new = camera.opencv_matrix, small.opencv_matrix
     size = (small.width, small.height)
     make = cv2.fisheye.initUndistortRectifyMap if lens.model == FISHEYE else cv2.initUndistortRectifyMap
     bent = np.asarray(lens.coefficients, dtype=np.float64)

@@ -1,0 +1,1 @@
+"""A scene as a frame sees it: how deep its surfaces are."""
