@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from unveil_core.base.srgb import light_certainty, relight
 from unveil_core.base.types import Float32, Mask, Picture
 from unveil_core.geometry.fields.pull_push import pull_push
 from unveil_core.geometry.fields.robust import held_near_median
 from unveil_core.geometry.images import area_px, scale_from_384
-from unveil_core.inpaint.light.view_light import light_of, lit
+from unveil_core.inpaint.light.view_light import light_of
 
 __all__ = ["in_local_light"]
 
@@ -36,6 +37,9 @@ def in_local_light(photograph: Picture, chart: Float32, known: Mask, plain: Mask
         (H, W, 3) in [0, 1]; the chart's own where the ring is too small to tell.
     """
     plain = plain & known
+    weight = np.zeros(plain.shape, np.float32)
+    weight[plain] = light_certainty(np.stack([photograph[plain] / np.float32(255), chart[plain]])).min(axis=(0, 2))
+    plain = weight > 0
     if plain.sum() < area_px(plain.shape, LEAST_RING_PX):
         return chart
     there = np.clip(np.round(chart[plain] * 255), 0, 255).astype(np.uint8)
@@ -43,7 +47,7 @@ def in_local_light(photograph: Picture, chart: Float32, known: Mask, plain: Mask
     factor = np.zeros_like(chart)
     factor[plain] = held_near_median(left, left, LEAST_SPREAD)
     levels = max(0, round(float(np.log2(SMOOTH_PX * scale_from_384(plain.shape[1])))))
-    factor = pull_push(factor, plain.astype(np.float32), levels)
+    factor = pull_push(factor, weight / weight.max(), levels)
     result = chart.copy()
-    result[known] = lit(np.clip(chart[known], 0, 1), factor[known])
+    result[known] = np.clip(relight(np.clip(chart[known], 0, 1), np.exp(factor[known])), 0, 1)
     return result
