@@ -50,6 +50,8 @@ SEEN_M = 60.0
 CLEAR_SCORE = 0.6
 """Correlation of dark ground with a sun's shadows, at their borders, from which on nobody doubts it. The drawn samples have 0.73 to
 0.86; real streets where houses and trees shade the kerbs 0.38 to 0.47, for directions a right angle apart as cars come and go."""
+JUDGES = 3
+"""Stretches at most that judge a sun that was found on another: each is filled three times, and has a block in 15 m."""
 LEAST_BLOCKS = 3
 """Blocks of street with planted holes fewer than which decide nothing."""
 SURE = 0.975
@@ -201,7 +203,8 @@ class StreetFill:
         if sun.score >= CLEAR_SCORE or not on("sun_by_holes"):
             return sun
         # Where the sun was found it explains what was seen, as it would if it were wrong: other ground judges it.
-        judged = [self._on_planted_holes(other, sun) for other in self.stretches if other is not stretch]
+        others = [other for other in self.stretches if other is not stretch]
+        judged = [self._on_planted_holes(others[k], sun) for k in evenly(len(others), JUDGES)]
         if not any(len(errors) for errors, _ in judged):
             judged = [self._on_planted_holes(stretch, None)]
         with_sun, without = (np.concatenate(errors) for errors in zip(*judged, strict=True))
