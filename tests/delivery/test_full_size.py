@@ -183,7 +183,7 @@ def test_light_beside_removed_pixels_has_no_dark_line(lens: Distortion | None) -
 
 
 def test_relit_footage_keeps_its_grain() -> None:
-    """Light is a ratio: twice the light doubles the contrast, which a clean frame of working size has lost."""
+    """Light is a ratio: five times the light doubles the contrast, which a clean frame of working size has lost."""
     generator = np.random.default_rng(0)
     grain = generator.normal(0, 5, (120, 180))
     level = np.full((120, 180), 140.0)

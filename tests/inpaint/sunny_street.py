@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.ground.test_street import drive_on_circle
+from unveil_core.base.srgb import relight
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
@@ -16,7 +17,8 @@ CROWN = np.array([[6.0, -6.5, 3.0], [9.0, -4.0, 5.5]])
 HOUSE = np.array([[14.0, -9.0, 0.0], [24.0, -8.0, 6.0]])
 ROW = np.array([[-30.0, -9.0, 0.0], [60.0, -8.0, 8.0]])
 """Houses all along the street."""
-SHADE = np.array([0.45, 0.5, 0.6])
+SHADE = np.array([0.17, 0.22, 0.32])
+"""Share of the light that a shadow leaves."""
 TEXEL = 0.05
 
 
@@ -93,8 +95,8 @@ def sunny_chart(
             return np.zeros((rows, columns), bool)
         return np.any([blocked(world, b, towards_sun) for b in boxes], axis=0).reshape(rows, columns)
 
-    truth = np.where(shaded(CROWN, house)[..., None], color * SHADE, color)
-    seen = np.where(shaded(CROWN, house, CAR)[..., None], color * SHADE, color)
+    truth = np.where(shaded(CROWN, house)[..., None], relight(color, SHADE), color)
+    seen = np.where(shaded(CROWN, house, CAR)[..., None], relight(color, SHADE), color)
     plan = world.reshape(rows, columns, 3)[..., :2]
     footprint = ((plan > CAR[0, :2] - 0.1) & (plan < CAR[1, :2] + 0.1)).all(axis=2)
     # What the car hides from a camera on the road's axis.

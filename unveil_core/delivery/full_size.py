@@ -32,13 +32,13 @@ SOURCES = 6
 """Frames at most whose footage a frame takes detail from: more show little else, and each costs a look at its whole picture."""
 GRAIN_SOURCES = 3
 """Other frames that are asked for the grain of the ground, where this one does not show the piece that it is taken from."""
-DARKEST = 0.02
-"""Level, of 1, that is added to both sides of a ratio of light: in black, noise is no light."""
+DARKEST = 0.0015
+"""Light that is added to both sides of a ratio of light, five levels of 255: in black, noise is no light."""
 AROUND_PX = 3
 """Pixels around a position that tell its colour."""
 ENCODED = PlateColours("srgb")
 """Of footage that is no plate."""
-RATIOS = (0.3, 4.0)
+RATIOS = (0.07, 21.0)
 """Least and largest change of light by a shadow that was taken away."""
 
 
@@ -176,7 +176,8 @@ def _relit(frame: CleanFrame, at: Float64, original: Float32) -> Float32:
     Where they gained more than ``RATIOS`` allow, the colour is still theirs, and only the footage's detail is held back: with each
     channel held for itself the shade of a car, which is dark and blue, would stay blue.
     """
-    before, after = (colors_of(p) + DARKEST for p in (frame.photograph, frame.clean))
+    colours = frame.footage.plate or ENCODED
+    before, after = (colours.linear(colors_of(p)).astype(np.float32) + DARKEST for p in (frame.photograph, frame.clean))
     weight = frame.relit[..., None].astype(np.float32)
     # Beside them lie pixels of removed objects, whose change is no light.
     share = sample_at(weight, at)
@@ -184,8 +185,8 @@ def _relit(frame: CleanFrame, at: Float64, original: Float32) -> Float32:
     change, dark, light = (
         sample_at(plane * weight, at) / some for plane in (np.clip(after / before, *RATIOS) - 1, before, after)
     )
-    lit = light + (original + DARKEST - dark) * (1 + change) - DARKEST
-    return np.where(share > 1e-3, lit, original).astype(np.float32)
+    lit = light + (colours.linear(original) + DARKEST - dark) * (1 + change) - DARKEST
+    return np.where(share > 1e-3, colours.of_linear(lit), original).astype(np.float32)
 
 
 def _box(mask: Mask, margin: int) -> tuple[slice, slice]:

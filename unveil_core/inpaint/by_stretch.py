@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from unveil_core.base.evenly import evenly
 from unveil_core.base.frame_cache import FrameCache, subset
@@ -27,7 +28,7 @@ from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.files import ChartSources
 from unveil_core.inpaint.chart.footprint import footprint_of
 from unveil_core.inpaint.chart.looks import read_looks
-from unveil_core.inpaint.chart.planted import plant_holes
+from unveil_core.inpaint.chart.planted import crossed_errors
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.casters import Kinds
@@ -49,8 +50,12 @@ SEEN_M = 60.0
 CLEAR_SCORE = 0.6
 """Correlation of dark ground with a sun's shadows, at their borders, from which on nobody doubts it. The drawn samples have 0.73 to
 0.86; real streets where houses and trees shade the kerbs 0.38 to 0.47, for directions a right angle apart as cars come and go."""
-LEAST_HOLES, SURE = 3, 2.0
-"""Planted holes fewer than which decide nothing, and the standard errors by which they do."""
+JUDGES = 3
+"""Stretches at most that judge a sun that was found on another: each is filled three times, and has a block in 15 m."""
+LEAST_BLOCKS = 3
+"""Blocks of street with planted holes fewer than which decide nothing."""
+SURE = 0.975
+"""Probability, by Student's t, with which they must."""
 LIGHT_STRETCHES, LIGHT_FRAMES = 3, 60
 """From so many stretches and so many frames of each the light by view is read: 300,000 looks, for 221 unknowns a camera."""
 
@@ -197,22 +202,36 @@ class StreetFill:
         sun, stretch = max(found, key=lambda one: one[0].score)
         if sun.score >= CLEAR_SCORE or not on("sun_by_holes"):
             return sun
-        with_sun, without = self._on_planted_holes(stretch, sun)
+        # Where the sun was found it explains what was seen, as it would if it were wrong: other ground judges it.
+        others = [other for other in self.stretches if other is not stretch]
+        judged = [self._on_planted_holes(others[k], sun) for k in evenly(len(others), JUDGES)]
+        if not any(len(errors) for errors, _ in judged):
+            judged = [self._on_planted_holes(stretch, None)]
+        with_sun, without = (np.concatenate(errors) for errors in zip(*judged, strict=True))
         return sun if _surely_more(without, with_sun) else None
 
-    def _on_planted_holes(self, stretch: Stretch, sun: Sun) -> tuple[Float64, Float64]:
-        """Errors by hole (M,) of a stretch's street filled with the sun and without."""
+    def _on_planted_holes(self, stretch: Stretch, sun: Sun | None) -> tuple[Float64, Float64]:
+        """Errors by block (M,) of a stretch's street filled with a sun and without.
+
+        Args:
+            sun: found elsewhere; None = for each hole the one that is found on the stretch without its block.
+        """
+        kept, gone = self._near(stretch)
 
         def fill() -> dict[str, NDArray[Any]]:
             chart = self._read(stretch)
-            holes = plant_holes(chart, self._footprint(stretch, chart))
-            errors = [np.zeros(0), np.zeros(0)]
-            if holes.count:
-                errors = [
-                    holes.errors(chart, self._fill(stretch, holes.chart, holes.footprint, which, shadows=True))
-                    for which in (sun, None)
-                ]
-            return {"sun": errors[0], "none": errors[1]}
+            footprint = self._footprint(stretch, chart)
+
+            def find(seen: StreetChart) -> Sun | None:
+                if sun is not None:
+                    return sun
+                return sun_of_scene(self._evidence(stretch, seen, footprint), kept, gone, self._kinds)
+
+            def filled(holed: StreetChart, planted: Mask, found: Sun | None) -> StreetChart:
+                return self._fill(stretch, holed, planted, found, shadows=True)
+
+            with_sun, without = crossed_errors(chart, footprint, find, filled)
+            return {"sun": with_sun, "none": without}
 
         errors = self.kept.within(stretch.name).once("planted", fill)
         return errors["sun"], errors["none"]
@@ -378,8 +397,9 @@ class FilledStreet:
 
 
 def _surely_more(one: Float64, other: Float64) -> bool:
-    """Whether errors (M,) are larger than others (M,), paired, by two standard errors of the difference."""
-    if len(one) < LEAST_HOLES:
+    """Whether independent errors (M,) are surely larger than others (M,), paired."""
+    if len(one) < LEAST_BLOCKS:
         return False
     more = one - other
-    return bool(more.mean() > SURE * more.std(ddof=1) / np.sqrt(len(more)))
+    by_chance = more.std(ddof=1) / np.sqrt(len(more))
+    return bool(more.mean() > stdtrit(len(more) - 1, SURE) * by_chance)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from tests.inpaint.sunny_street import sunny_chart
+from unveil_core.base.srgb import relight
 from unveil_core.base.types import Float32, Mask
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
@@ -35,8 +36,8 @@ def test_black_shadow_far_from_what_is_known_of_its_object_is_replaced() -> None
     lorry[int(16 * per_m) : int(20 * per_m), aside] = True
     gone[int(10 * per_m) : int(20 * per_m), aside] = True
     black[int(12 * per_m) : int(14 * per_m), aside] = True
-    ratio = np.where(black[..., None], 0.2, np.where(gone[..., None], np.array([0.4, 0.45, 0.55]), 1))
-    chart = as_read(chart, (street * ratio).astype(np.float32), lorry)
+    ratio = np.where(black[..., None], 0.03, np.where(gone[..., None], np.array([0.13, 0.17, 0.27]), 1))
+    chart = as_read(chart, relight(street, ratio), lorry)
     light = Light(Sun(np.array([0.0, 0.7, 0.7]), 1.0, 0.0, 45.0), np.zeros_like(gone), gone)
     filled = fill_chart(chart, lorry, light=light)
     assert filled.replaced[black].mean() > 0.95  # else frames would show their own pixels
@@ -44,20 +45,21 @@ def test_black_shadow_far_from_what_is_known_of_its_object_is_replaced() -> None
 
 
 def test_in_the_shade_no_dark_patch_stays_beside_what_goes() -> None:
-    """A lorry in the shade of a house darkens the ground around it to a third of that shade."""
+    """A lorry in the shade of a house darkens the ground around it to a twelfth of that shade's light."""
     chart = sunny_chart(None)[0]
     per_m = 1 / chart.texel
     street = np.random.default_rng(0).normal(0.6, 0.01, (*chart.source.shape, 1)).repeat(3, axis=2).astype(np.float32)
     lorry, house = np.zeros(chart.source.shape, dtype=bool), np.zeros(chart.source.shape, dtype=bool)
     lorry[int(12 * per_m) : int(18 * per_m), int(6 * per_m) : int(8.5 * per_m)] = True
     house[int(6 * per_m) :] = True
-    shade = np.where(house[..., None], np.array([0.45, 0.5, 0.6], dtype=np.float32), 1)
+    shade = np.where(house[..., None], np.array([0.17, 0.22, 0.32], dtype=np.float32), 1)
     away = cv2.distanceTransform((~lorry).astype(np.uint8), cv2.DIST_L2, 5) / per_m
-    seen = street * shade * np.clip(0.33 + 0.67 * away / 0.8, 0, 1)[..., None]
+    in_shade = relight(street, shade)
+    seen = relight(in_shade, np.clip(0.33 + 0.67 * away / 0.8, 0, 1)[..., None] ** 2.2)
     chart = as_read(chart, seen, lorry)
     light = Light(Sun(np.array([0.0, 0.7, 0.7]), 1.0, 0.0, 45.0), house, np.zeros_like(house))
     filled = fill_chart(chart, lorry, light=light).color
-    level = filled.mean(axis=2) / (street * shade).mean(axis=2)
+    level = filled.mean(axis=2) / in_shade.mean(axis=2)
     beside = (away > 0) & (away < 0.3)
     assert abs(np.median(level[beside]) - 1) < 0.1
     assert np.percentile(level[away < 0.8], 5) > 0.65
@@ -92,8 +94,8 @@ def test_no_dark_edge_stays_where_a_car_under_an_even_sky_went() -> None:
     car = np.zeros(chart.source.shape, dtype=bool)
     car[int(12 * per_m) : int(16 * per_m), int(6 * per_m) : int(8 * per_m)] = True
     away = cv2.distanceTransform((~car).astype(np.uint8), cv2.DIST_L2, 5) / per_m
-    light = np.where(away < 0.12, 0.33, np.clip(0.6 + 0.4 * away / 0.7, 0, 1)).astype(np.float32)
-    filled = fill_chart(as_read(chart, street * light[..., None], car), car)
+    light = np.where(away < 0.12, 0.09, np.clip(0.6 + 0.4 * away / 0.7, 0, 1) ** 2.2).astype(np.float32)
+    filled = fill_chart(as_read(chart, relight(street, light[..., None]), car), car)
     level = filled.color.mean(axis=2) / street.mean(axis=2)
     assert level[away < 0.3].min() > 0.85
     assert filled.replaced[(away > 0) & (away < 0.1)].mean() > 0.95

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from unveil_core.base.srgb import relight
 from unveil_core.inpaint.light.darkness import in_the_dark, sunny_exceptions
 
 TEXEL, ROWS, COLUMNS = 0.1, 800, 60
@@ -17,7 +18,7 @@ def street(shade: tuple[float, float, float]) -> tuple[SimpleNamespace, np.ndarr
     color = np.full((ROWS, COLUMNS, 3), 0.6) + rng.normal(0, 0.02, (ROWS, COLUMNS, 3))
     shaded = np.zeros((ROWS, COLUMNS), dtype=bool)
     shaded[:650] = True
-    color[shaded] *= shade
+    color[shaded] = relight(color[shaded], np.power(shade, 2.2))
     label = np.zeros((ROWS, COLUMNS), dtype=np.int16)
     return SimpleNamespace(color=color.astype(np.float32), label=label, texel=TEXEL), shaded
 

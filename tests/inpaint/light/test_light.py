@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, ROW, SHADE, blocked, box_surfels, sunny_chart
+from unveil_core.base.srgb import relight
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
@@ -339,16 +340,16 @@ def test_invented_ground_is_as_bright_as_the_ground_around_it() -> None:
 def test_where_houses_shade_most_of_a_street_what_nobody_saw_lies_in_shade() -> None:
     """No sun is known; at the car's lateral offsets it shines wherever anything was seen, but for what is seen beside the car."""
     chart, truth, footprint, *_ = sunny_chart(None)
-    shade = np.array([0.40, 0.46, 0.58], np.float32)
+    shade = np.array([0.13, 0.18, 0.3], np.float32)
     s, t = chart.coordinates()
     of_car = footprint.any(axis=0) & ~footprint.all(axis=0)
     at = np.flatnonzero(footprint.any(axis=1))
     lit = np.zeros_like(footprint)
     lit[:, of_car] = True
     lit[max(0, at[0] - 60) : at[-1] + 60] = False
-    dark = replace(chart, color=np.where(lit[..., None], chart.color, chart.color * shade).astype(np.float32))
+    dark = replace(chart, color=np.where(lit[..., None], chart.color, relight(chart.color, shade)).astype(np.float32))
     filled = fill_chart(dark, footprint, light=None)
-    wrong = (filled.color - truth * shade)[(filled.source == INVENTED) & footprint].mean(axis=1)
+    wrong = (filled.color - relight(truth, shade))[(filled.source == INVENTED) & footprint].mean(axis=1)
     assert len(wrong) > 1000
     assert np.abs(wrong).mean() < 0.04
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from unveil_core.base.srgb import linear_light
 from unveil_core.geometry.images import within
 from unveil_core.inpaint.light.relight import BIN_M, evident_reach, object_shadows, shadows_of_removed
 from unveil_core.inpaint.light.shade import Shade
@@ -80,7 +81,7 @@ def test_a_lane_in_the_shade_of_trees_stays_as_it_is_and_a_cars_shadow_goes() ->
     own = within(cars, 0.6 * PER_M) & ~cars
     color = np.full((ROWS, COLUMNS, 3), 0.6, np.float32)
     color[lane], color[own & ~lane] = 0.3, 0.35
-    shade = Shade((lane | own) & ~cars, np.ones(3, np.float32), np.full_like(color, 0.6))
+    shade = Shade((lane | own) & ~cars, np.ones(3, np.float32), linear_light(np.full_like(color, 0.6)))
     shadow, hopeless = shadows_of_removed(color, ~cars, shade, cars, None, reach_m=2.0, per_m=PER_M)
     assert not (shadow & lane).any()
     assert shadow[own & ~lane].mean() > 0.9

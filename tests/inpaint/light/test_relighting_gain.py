@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from unveil_core.base import srgb
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.light import relight
 
@@ -20,7 +21,7 @@ def test_strips_leave_no_seam(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
         shadow[row : row + 2 * size, column : column + size] = True
     wide = grow(shadow, 0.12 * PER_M)
     target = generator.uniform(0.2, 0.6, (rows, columns, 3)).astype(np.float32)
-    color = np.where(shadow[..., None], 0.5, 1.0).astype(np.float32) * target
+    color = srgb.relight(target, np.where(shadow[..., None], 0.25, 1.0))
     seen = generator.uniform(size=shadow.shape) < 0.9
     relit = shadow & seen & (generator.uniform(size=shadow.shape) < 0.95)
 
@@ -35,12 +36,12 @@ def test_strips_leave_no_seam(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_deep_blue_shade_keeps_its_hue() -> None:
-    """Beside a lorry, which hides half of the sky, a third of the light is left, and of the red a fifth."""
+    """Beside a lorry, which hides half of the sky, a twelfth of the light is left, and of the red a thirtieth."""
     target = np.full((200, 80, 3), 0.5, np.float32)
     shadow = np.zeros((200, 80), bool)
     shadow[60:140, 20:60] = True
-    color = np.where(shadow[..., None], np.float32([0.2, 0.33, 0.45]), np.float32(1)) * target
+    color = srgb.relight(target, np.where(shadow[..., None], [0.03, 0.09, 0.17], 1))
     none = np.zeros_like(shadow)
     gain = relight.relighting_gain(color, target, ~none, shadow, grow(shadow, 2), shadow, per_m=PER_M)
-    inside = (color * gain)[80:120, 30:50]
+    inside = srgb.relight(color, gain)[80:120, 30:50]
     np.testing.assert_allclose(inside, 0.5, atol=0.02)

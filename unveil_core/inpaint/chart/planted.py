@@ -6,8 +6,9 @@ there is compared with what was seen. So a choice that is made for a whole drive
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -18,7 +19,9 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.images import grow, luminance, masked_blur
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
 
-__all__ = ["MOVED_M", "PlantedHoles", "plant_holes"]
+__all__ = ["MOVED_M", "PlantedHoles", "by_block", "crossed_errors", "plant_holes"]
+
+T = TypeVar("T")
 
 MOVED_M = tuple(
     (along, across)
@@ -37,6 +40,9 @@ MOST_SHARE = 0.12
 COARSE_M = 0.2
 """Standard deviation of the blur under which colours are compared, metres: light, not grain."""
 FLOOR = 0.02
+BLOCK_M = 15.0
+"""Length of the blocks of the street whose holes count as one measurement, metres: what holes in the shadow of one house, or on one
+patch of asphalt, tell is the same. Longer than such a shadow is along the street."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +69,55 @@ class PlantedHoles:
         known = truth.source == OBSERVED
         found: Float64 = ndimage.mean(difference, np.where(known, self.number, 0), np.arange(1, self.count + 1))
         return np.asarray(found, dtype=np.float64)
+
+    def blocks(self) -> NDArray[np.int64]:
+        """(count,) number of the block of ``BLOCK_M`` that each hole lies in; -1 where it lies in two."""
+        rows = np.array([(p[0].start, p[0].stop - 1) for p in ndimage.find_objects(self.number, self.count)])
+        first, last = _block(rows.reshape(-1, 2), self.chart.texel).T
+        return np.where(first == last, first, -1)
+
+
+def crossed_errors(
+    chart: StreetChart,
+    footprint: Mask,
+    find: Callable[[StreetChart], T | None],
+    fill: Callable[[StreetChart, Mask, T | None], StreetChart],
+) -> tuple[Float64, Float64]:
+    """Errors by block of the street (M,) of planted holes, filled with what was found without their blocks, and with nothing found.
+
+    Cross-validation in two folds, every other block (Stone, *Cross-validatory choice and assessment of statistical predictions*,
+    1974): what was found where a hole is explains what was seen there, whether it is so or not.
+
+    Args:
+        chart: as read; footprint: (A, B) texels under removed objects.
+        find: what is to be judged, of a chart without the blocks of a fold; None = nothing was found.
+        fill: a chart with holes, and the footprint of what was planted in them, by what was found.
+    """
+    holes = plant_holes(chart, footprint)
+    block = holes.blocks() if holes.count else np.zeros(0, np.int64)
+    if not (block >= 0).any():
+        return np.zeros(0), np.zeros(0)
+    of_row = _block(np.arange(len(footprint)), chart.texel)
+    without = holes.errors(chart, fill(holes.chart, holes.footprint, None))
+    errors = without.copy()
+    for fold in np.unique(block[block >= 0] % 2):
+        unknown = (of_row % 2 == fold)[:, None]
+        found = find(replace(chart, source=np.where(unknown, OUTSIDE, chart.source).astype(np.uint8)))
+        if found is not None:
+            own = block % 2 == fold
+            errors[own] = holes.errors(chart, fill(holes.chart, holes.footprint, found))[own]
+    return by_block(errors, block), by_block(without, block)
+
+
+def by_block(errors: Float64, block: NDArray[np.int64]) -> Float64:
+    """Means (M,) of the errors of holes (N,) by block (N,), without those of holes that lie in two."""
+    whole = block >= 0
+    _, number, count = np.unique(block[whole], return_inverse=True, return_counts=True)
+    return np.bincount(number, errors[whole], len(count)) / count
+
+
+def _block(rows: NDArray[np.int64], texel: float) -> NDArray[np.int64]:
+    return (rows * texel / BLOCK_M).astype(np.int64)
 
 
 def plant_holes(chart: StreetChart, footprint: Mask) -> PlantedHoles:

@@ -43,8 +43,8 @@ __all__ = [
 
 OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
 """Where a texel's colour comes from: nowhere (off the ground), the frames, the frames with a shadow taken away, the filling."""
-RELIT_GAIN = 1.02
-"""Gain above which ground counts as relit: two per cent, five levels of 255 in bright asphalt, are not seen."""
+RELIT_GAIN = 1.045
+"""Gain above which ground counts as relit: two per cent of a code, five levels of 255 in bright asphalt, are not seen."""
 TEXEL_M = 0.04
 """Size of a texel, metres: joints of paving are 1 to 2 cm wide, kerbs and paint 10."""
 READ_M = 45.0
@@ -69,7 +69,7 @@ class StreetChart:
         color: (A, B, 3) float32 sRGB in [0, 1]; meaningless where ``source`` is OUTSIDE.
         label: (A, B) int16 compact labels, -1 unknown.
         source: (A, B) uint8: OUTSIDE, OBSERVED, RELIT or INVENTED.
-        gain: (A, B, 3) float32 factor that takes a removed object's shadow away; 1 elsewhere.
+        gain: (A, B, 3) float32 factor of linear light that takes a removed object's shadow away; 1 elsewhere.
         nearest: (A, B) float32, how far the nearest view of a texel is, metres; inf where none is.
         replaced: (A, B) bool, texels that were seen, but so dark under the object that they were invented all the same.
     """

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.mechanisms import on
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.srgb import relight
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
@@ -48,8 +49,7 @@ LONG_WINDOW_M, LONG_HOP_M = 20.0, 8.0
 """The same where the sun is known: it tells what is painted there, and a zebra crossing is 4 m long."""
 SHADOW_REACH_M = 2.0
 """Without a known sun: how far from its object a removed object's shadow may reach, metres. An even sky loses the share
-(1 - d / sqrt(d^2 + h^2)) / 2 of its light at a distance d from a long wall of height h, so that the light falls to SHADOW_RATIO at
-0.85 h: 1.9 m from a van, 1.3 m from a car."""
+(1 - d / sqrt(d^2 + h^2)) / 2 of its light at a distance d from a long wall of height h: 2 m from a van a sixth, hardly seen."""
 BORDER_M = 0.12
 """Width beyond the border of a shadow or an object that is neither, metres: the penumbra, and texels that mix the two."""
 ASIDE_M = 0.4
@@ -94,16 +94,16 @@ def fill_chart(
     missing = _missing_light(light, shade.dark & ~shadow, sound, per_m=per_m)
     illumination: NDArray[Any] = 1 - missing[..., None] * (1 - shade.ratio)
     even = sound & ~grow((missing > 0.02) & (missing < 0.98), BORDER_M * per_m)
-    # In full sun: what the ground and its texture are carried from.
-    sunny = np.where(seen[..., None], chart.color / illumination, 0).astype(np.float32)
+    # In full sun, as codes, whose noise is about the same in all: what the ground and its texture are carried from.
+    sunny = np.where(seen[..., None], relight(chart.color, 1 / illumination), 0).astype(np.float32)
     ground, fine = _carried(chart, sunny, even)
-    target = ground * illumination
+    target = relight(ground, illumination)
 
     color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
     if shadow.any():
         relit = shadow & seen & ~hole
         gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, per_m=per_m)
-        dim = still_dark(chart.color * gain, target, relit, hole, per_m=per_m)
+        dim = still_dark(relight(chart.color, gain), target, relit, hole, per_m=per_m)
         if on("still_dark") and dim.any():
             hole, hopeless, relit = hole | dim, hopeless | dim, relit & ~dim
             gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, per_m=per_m)
@@ -111,13 +111,13 @@ def fill_chart(
             gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
-        color[lifted] = color[lifted] * gain[lifted]
+        color[lifted] = relight(color[lifted], gain[lifted])
         source[relit] = RELIT
     progress(1, 2, "filling the street")
     labels = _labels(chart, seen, hole)
     texture = texture_for(hole, fine, even, chart.texel) if on("quilting") else 0
-    fill = (ground + texture) * illumination
-    color[hole] = np.clip(fill[hole], 0, max(1.0, float(color[seen].max(initial=0.0))))
+    fill = relight((ground + texture)[hole], illumination[hole])
+    color[hole] = np.clip(fill, 0, max(1.0, float(color[seen].max(initial=0.0))))
     source[hole] = INVENTED
     # Beyond the street the chart goes on as it is carried, so that nothing black is blended in at its edge.
     beyond = ~inside & ~seen

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from unveil_core.base.srgb import light_certainty, relight
 from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.geometry.fields.pull_push import pull_push
 from unveil_core.geometry.fields.robust import held_near_median
 from unveil_core.geometry.images import area_px, scale_from_384
-from unveil_core.inpaint.light.view_light import light_of, lit
+from unveil_core.inpaint.light.view_light import light_of
 
 __all__ = ["in_local_light"]
 
@@ -36,13 +37,16 @@ def in_local_light(photograph: Levels, chart: Float32, known: Mask, plain: Mask)
         (H, W, 3), likewise; the chart's own where the ring is too small to tell.
     """
     plain = plain & known
+    weight = np.zeros(plain.shape, np.float32)
+    weight[plain] = light_certainty(np.stack([photograph[plain] / np.float32(255), chart[plain]])).min(axis=(0, 2))
+    plain = weight > 0
     if plain.sum() < area_px(plain.shape, LEAST_RING_PX):
         return chart
     left = light_of(photograph[plain]) - light_of(255 * chart[plain])
     factor = np.zeros_like(chart)
     factor[plain] = held_near_median(left, left, LEAST_SPREAD)
     levels = max(0, round(float(np.log2(SMOOTH_PX * scale_from_384(plain.shape[1])))))
-    factor = pull_push(factor, plain.astype(np.float32), levels)
+    factor = pull_push(factor, weight / weight.max(), levels)
     result = chart.copy()
-    result[known] = lit(np.maximum(chart[known], 0), factor[known])
+    result[known] = relight(np.maximum(chart[known], 0), np.exp(factor[known]))
     return result

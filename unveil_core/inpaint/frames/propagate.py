@@ -21,6 +21,7 @@ from unveil_core.base.mechanisms import on
 from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
+from unveil_core.base.srgb import linear_light, relight
 from unveil_core.base.types import Levels
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
@@ -60,9 +61,12 @@ LEAST_SEEDS_PX = 40
 FINE_TEXELS = 4.0
 """Length of a pixel's footprint on the ground, texels (0.16 m), from which on relit pixels are taken from the chart, wholly at
 twice as much: they mix shadow and light. Chosen on the two sample streets."""
-STEEP = 0.1
+STEEP = 0.23
 """Relative change of the gain within a border's width that makes the border of a shadow. Chosen on the two sample streets."""
 
+DARKER, BRIGHTER, MORE = 0.79, 1.25, 0.003
+"""Light of relit pixels, as a share of the chart's, below which they are the chart's own; and the most that they may have, as such
+a share and what noise may add to it: a tenth of a code on either side."""
 ORIGIN_OF_TEXEL = np.array([ORIGINAL, SEEN_ELSEWHERE, RELIT, CONTINUED], dtype=np.uint8)
 """What a chart's OUTSIDE, OBSERVED, RELIT and INVENTED are in ``inpaint.origin``."""
 
@@ -335,7 +339,8 @@ class _Painter:
             original[over] = ground.color[over]
             gain[over] = 1.0  # the chart shows it lit already
             origin[shadow] = np.where(over[shadow], CONTINUED, RELIT)
-        relit = original * gain
+        relit = original.copy()
+        relit[shadow] = relight(original[shadow], gain[shadow])
         if ground is not None and shadow.any() and on("distant_from_chart"):
             # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
             distant = np.clip((ground.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)
@@ -359,9 +364,9 @@ def _steep(gain: NDArray[np.float32], border: int) -> NDArray[np.float32]:
 def _held(relit: NDArray[np.float32], chart: NDArray[np.float32]) -> NDArray[np.float32]:
     """Relit colours (N, 3), kept near the chart's: along a shadow's border a pixel's misplacement would brighten what is
     lit already, or leave what is dark."""
-    level, relit_level = chart.mean(axis=1, keepdims=True), relit.mean(axis=1, keepdims=True)
-    share = np.clip(relit_level, 0, 1.08 * level + 0.02) / np.maximum(relit_level, 1e-3)
-    held: NDArray[np.float32] = np.where(relit_level < 0.9 * level, chart, relit * share).astype(np.float32)
+    level, relit_level = (linear_light(color).mean(axis=1, keepdims=True) for color in (chart, relit))
+    share = np.clip(relit_level, 0, BRIGHTER * level + MORE) / np.maximum(relit_level, 1e-6)
+    held: NDArray[np.float32] = np.where(relit_level < DARKER * level, chart, relight(relit, share)).astype(np.float32)
     return held
 
 

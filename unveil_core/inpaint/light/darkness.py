@@ -10,12 +10,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.srgb import light_certainty, linear_light
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import luminance
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import StreetChart
 
-__all__ = ["blueness", "in_the_dark", "level_by_label", "level_by_offset", "sunny_exceptions"]
+__all__ = [
+    "LEAST_LIGHT",
+    "blueness",
+    "in_the_dark",
+    "level_by_label",
+    "level_by_offset",
+    "log_light",
+    "sunny_exceptions",
+]
 
 OFFSET_M = 12.0
 """Half length of the stretch whose bright texels give the sunlit level of a lateral offset, metres: longer than the shadow of a
@@ -23,29 +32,34 @@ house along the street. Chosen on the two sample streets."""
 LABEL_M, LABEL_HOP_M = 20.0, 4.0
 """Half length of the stretch, and step, for that of a label: shade that covers an offset for longer leaves others in the sun."""
 LABEL_QUANTILE = 0.8
-"""Of a label's luma that stands for its sunlit level: a street whose houses shade four fifths of it is told right."""
-BLUER, LEAST_SHARE = 0.15, 0.05
+"""Of a label's luminance that stands for its sunlit level: a street whose houses shade four fifths of it is told right."""
+BLUER, LEAST_SHARE = 0.33, 0.05
 """Logarithm of the ratio of blue to red by which shade is bluer than what the sun shines on, and the least share of a label's
 ground that either of them must be: asphalt of two ages has the same colour."""
-MUCH_BLUER = 0.25
+MUCH_BLUER = 0.55
 """The same logarithm by which most of a label's ground must be bluer than its few sunny places. On nineteen sunny drawn streets
-shade is bluer by 0.3 to 0.7; on three with little shade and two overcast ones nothing stands out so."""
+shade is bluer by 0.7 to 1.5; on three with little shade and two overcast ones nothing stands out so."""
 LEAST_TEXELS = 500
 """Fewest texels of a label in such a stretch, of every fifth row."""
 ROW_STEP = 5
-DARK = 0.7
-"""Share of its label's level below which ground starts out as dark: half way, in logarithms, to the half that shade leaves."""
+DARK = 0.46
+"""Share of the light of its label's level below which ground starts out as dark: half way, in logarithms, to the fifth of it that
+shade leaves."""
+LEAST_LIGHT = 0.0015
+"""Light that less counts as: five levels of 255, below which there is more noise than light."""
 
 
 def level_by_offset(chart: StreetChart, seen: Mask) -> Float32:
-    """(A, B) luma of each lateral offset in full light."""
+    """(A, B) luminance of each lateral offset in full light."""
     per_m = 1.0 / chart.texel
-    return lateral_profile(chart.color, seen, window=int(OFFSET_M * per_m), hop=int(OFFSET_M / 3 * per_m))[1]
+    return lateral_profile(
+        linear_light(chart.color), seen, window=int(OFFSET_M * per_m), hop=int(OFFSET_M / 3 * per_m)
+    )[1]
 
 
 def level_by_label(chart: StreetChart, seen: Mask) -> Float32:
-    """(A, B) luma in full light of the ground with the texel's label around it; NaN where too little of it was seen."""
-    luma, rows = luminance(chart.color), len(seen)
+    """(A, B) luminance in full light of the ground with the texel's label around it; NaN where too little of it was seen."""
+    luma, rows = luminance(linear_light(chart.color)), len(seen)
     reach, hop = int(LABEL_M / chart.texel), int(LABEL_HOP_M / chart.texel)
     centres = np.arange(0, rows + hop, hop)
     level = np.full(seen.shape, np.nan, dtype=np.float32)
@@ -67,12 +81,13 @@ def level_by_label(chart: StreetChart, seen: Mask) -> Float32:
 
 
 def _in_the_sun(color: Float32) -> float:
-    """Luma of what the sun shines on of ground (N, 3) of one label; NaN where not all tells of light and shade, two kinds of which
-    the darker one is much darker and bluer, for only the sky lights it (the border between them by Otsu, *A threshold selection
-    method from gray-level histograms*, 1979)."""
+    """Luminance of what the sun shines on of ground (N, 3) of one label; NaN where not all tells of light and shade, two kinds of
+    which the darker one is much darker and bluer, for only the sky lights it (the border between them by Otsu, *A threshold
+    selection method from gray-level histograms*, 1979)."""
+    color = color[light_certainty(color).min(axis=1) > 0]
     if len(color) < LEAST_TEXELS:
         return np.nan
-    log = np.log(np.maximum(luminance(color), 0.02))
+    log = log_light(color)
     steps = cv2.normalize(log, None, 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)
     bright = cv2.threshold(steps, 0, 1, cv2.THRESH_OTSU)[1].ravel() > 0
     if min(bright.mean(), 1 - bright.mean()) < LEAST_SHARE:
@@ -85,14 +100,13 @@ def _in_the_sun(color: Float32) -> float:
 def in_the_dark(chart: StreetChart, seen: Mask) -> Mask:
     """(A, B) seen texels that are dark for their label."""
     with np.errstate(invalid="ignore"):
-        return seen & (luminance(chart.color) < DARK * level_by_label(chart, seen))
+        return seen & (luminance(linear_light(chart.color)) < DARK * level_by_label(chart, seen))
 
 
 def sunny_exceptions(chart: StreetChart, seen: Mask) -> Mask:
     """(A, B) seen texels on which the sun shines though most of the ground with their label lies in shade: much brighter, and less
     blue."""
-    log = np.log(np.maximum(luminance(chart.color), 0.02))
-    blue = blueness(chart.color)
+    log, blue = log_light(chart.color), blueness(chart.color)
     sunny = np.zeros_like(seen)
     for label in np.unique(chart.label[seen]):
         own = seen & (chart.label == label)
@@ -102,9 +116,15 @@ def sunny_exceptions(chart: StreetChart, seen: Mask) -> Mask:
 
 
 def blueness(color: Float32) -> Float32:
-    """Logarithm of blue over red, (…) of colours (…, 3): what only the sky lights is bluer, whatever its brightness (Finlayson et
-    al., *On the removal of shadows from images*, 2006)."""
-    return np.asarray(np.log(np.maximum(color[..., 2], 0.02) / np.maximum(color[..., 0], 0.02)), dtype=np.float32)
+    """Logarithm of blue over red light, (…) of colours (…, 3): what only the sky lights is bluer, whatever its brightness
+    (Finlayson et al., *On the removal of shadows from images*, 2006)."""
+    light = np.maximum(linear_light(color[..., ::2]), LEAST_LIGHT)
+    return np.asarray(np.log(light[..., 1] / light[..., 0]), dtype=np.float32)
+
+
+def log_light(color: Float32) -> Float32:
+    """(…) logarithm of the luminance of colours (…, 3)."""
+    return np.asarray(np.log(np.maximum(luminance(linear_light(color)), LEAST_LIGHT)), dtype=np.float32)
 
 
 def coarse(plane: NDArray[np.floating], seen: Mask, step: int) -> tuple[Float32, Mask]:

@@ -1,4 +1,8 @@
-"""Relighting: takes the shadows of removed objects away from ground that was seen."""
+"""Relighting: takes the shadows of removed objects away from ground that was seen.
+
+Their ratios are of linear light, but means are of codes, as the ground is carried on: a shadow takes the same share of both, and
+of bright and dark stones the mean of their light is no light that a mean of codes has.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +12,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from unveil_core.base.mechanisms import on
+from unveil_core.base.srgb import UNCLIPPED, light_certainty, linear_light, log_slope, srgb_of_linear
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import disc, grow, luminance, masked_blur, within
+from unveil_core.geometry.images import blurred, blurred_over, disc, grow, luminance, masked_blur, within
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.planted import MOVED_M
+from unveil_core.inpaint.light.darkness import LEAST_LIGHT
 from unveil_core.inpaint.light.shade import Light, Shade
 
 __all__ = [
@@ -24,12 +30,11 @@ __all__ = [
     "under_an_even_sky",
 ]
 
-SHADOW_RATIO = 0.82
-"""Without a known sun: luma of a texel, as a share of its offset's lit level, below which it lies in shadow. Soft shadows under an
-overcast sky take about a quarter of the light; chosen on the two sample streets."""
-BLACK_RATIO = 0.3
-"""Luma of a shadowed texel, as a share of its lit level, below which it holds no texture to relight and is invented: relighting
-would multiply its noise by more than three."""
+SHADOW_RATIO = 0.65
+"""Without a known sun: light of a texel, as a share of its offset's lit level, below which it lies in shadow. Chosen on the two
+sample streets."""
+MOST_NOISE = 3.3
+"""Factor of a texel's noise, in codes, beyond which a shadow is not relit but invented: it holds no texture any more."""
 STRIP_M, REACH_M = 20.0, 3.0
 """Length of the strips that are relit one after the other, metres, and how far a texel's gain looks: two blurs with 1 m around it
 and what they are masked by, half a metre each."""
@@ -45,20 +50,20 @@ metres. Chosen on the two sample streets."""
 UNEXPLAINED_M = 0.6
 """Distance from the cast shadows of what stays from which on they do not explain dark ground, metres: what a sun wrong by 3 degrees
 moves the shadow of a roof 10 m up by."""
-DEEPER = 0.65
-"""Luma of ground beside a removed object, as a share of that in shade, below which the object darkens it in the shade, too."""
+DEEPER = 0.39
+"""Light of ground beside a removed object, as a share of that in shade, below which the object darkens it in the shade, too."""
 CLEAR_M = 0.8
 """Distance from a removed object from which on what is seen tells how light it is there without the object, metres."""
-MOST_OF_AGE = 1.5
-"""Gain beyond which a dark patch is a shadow that some sun made: asphalt of two ages differs by a third at the most."""
-MOST_GAIN = 6.0
-"""Gain of a channel beyond which noise is made brighter. What holds a texture has 0.3 of its luma and more, and in the light of the
-sky alone half of that in red: with 4, asphalt beside a lorry came out teal."""
-AROUND_M, LEAST_AROUND_M2, AS_LIGHT = 0.6, 0.03, 0.85
+MOST_OF_AGE = 2.4
+"""Gain beyond which a dark patch is a shadow that some sun made: asphalt of two ages differs by 1.5 in sRGB at the most."""
+MOST_GAIN = 50.0
+"""Gain of a channel beyond which noise is made brighter. What holds a texture has a fourteenth of its light and more, and in the
+light of the sky alone a quarter of that in red: with 20, asphalt beside a lorry came out teal."""
+AROUND_M, LEAST_AROUND_M2, AS_LIGHT = 0.6, 0.03, 0.7
 """Width of what is seen around a dark patch that it is compared with, metres; the least area of that, square metres; and the share
-of its luma from which on the patch is no shadow of an object. Charts of eight streets without a sun that is known: 67 16.1 to 18.5
-dB, 47 and 49 0.4 and 0.5 more, 0 0.1 less, the others the same; with 0.8 the same to 0.1 but 49 0.3 more, with 0.9 67 1.4 less."""
-MIXED_M, BRIGHT = 0.3, 0.93
+of its light from which on the patch is no shadow of an object. Charts of eight streets without a sun that is known: 67 16.1 to 18.5
+dB, 47 and 49 0.4 and 0.5 more, 0 0.1 less, the others the same; with 0.61 the same but 49 0.3 more, with 0.79 67 1.4 less."""
+MIXED_M, BRIGHT = 0.3, 0.85
 """Distance from what nobody saw within which a texel mixes the ground with the object that hid it, metres: a pixel at 15 m; and the
 share of its lit level below which it still does when it is relit. Cast shadows of eight streets: 0.6 dB more on 72 and on a sample
 street, 0.3 on 50, -0.3 on a sample street without labels, the others the same; dark strokes where cars stood are gone."""
@@ -70,8 +75,12 @@ ENDS = 0.5
 elsewhere."""
 OBJECT_M = 1.5
 """Height of a removed object that an even sky is hidden by, metres: a car's."""
+BESIDE = (-0.4, 0.5)
+"""By which share ground beside a shadow's border is darker or brighter than it should be, at most."""
+LEAST_BESIDE = 0.02
+"""Share of what is around that tells it, at which half of it is believed."""
 SMOOTH_M, SPECK_M = 0.06, 0.12
-"""Blur of luma before it is compared, and the radius of dark specks and lit gaps that do not count, metres: painted lines stray by
+"""Blur of light before it is compared, and the radius of dark specks and lit gaps that do not count, metres: painted lines stray by
 a few centimetres from their offset."""
 
 
@@ -85,12 +94,12 @@ def prevailing_shade(color: Float32, seen: Mask, footprint: Mask, *, window: int
         window, hop: of the lateral profile, texels; per_m: texels per metre.
     """
     clear = seen & ~grow(footprint, CLEAR_M * per_m)
-    median, level = lateral_profile(color, clear, window=window, hop=hop)
-    smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
+    median, level = lateral_profile(linear_light(color), clear, window=window, hop=hop)
+    smooth = _smooth(color, seen, SMOOTH_M * per_m)
     dark = seen & (smooth < SHADOW_RATIO * level)
     # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
     opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * per_m))
-    scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
+    scaled = median * (level / np.maximum(luminance(median), LEAST_LIGHT))[..., None]
     ones = np.ones(3, dtype=np.float32)
     return Shade(opened.astype(bool) & seen, ones, scaled.astype(np.float32))
 
@@ -140,7 +149,7 @@ def object_shadows(
     Args:
         dark: (A, B) seen texels that are darker than their kind is; touched: (A, B) where such a place must come.
         explained: (A, B) texels that something which stays keeps dark: there shadows run into one another.
-        level: (A, B) luma as a share of its lateral offset's; seen: (A, B) ground beside objects.
+        level: (A, B) light as a share of its lateral offset's; seen: (A, B) ground beside objects.
     """
     _, place = cv2.connectedComponents((dark & (zone | ~explained)).astype(np.uint8), connectivity=8)
     inside, size = (np.bincount(place[m], minlength=place.max() + 1) for m in (zone, np.ones_like(zone)))
@@ -171,8 +180,8 @@ def shadows_of_removed(
     """
     if reach_m <= 0:
         return np.zeros_like(seen), np.zeros_like(seen)
-    luma, lit = luminance(color), np.maximum(luminance(shade.lit), 0.02)
-    smooth = masked_blur(luma, seen, SMOOTH_M * per_m)
+    lit = np.maximum(luminance(shade.lit), LEAST_LIGHT)
+    smooth = _smooth(color, seen, SMOOTH_M * per_m)
     level = (smooth / lit).astype(np.float32)
     beside, nothing = seen & ~footprint, np.zeros_like(seen)
     touch = within(footprint, TOUCH_M * per_m)
@@ -192,11 +201,12 @@ def shadows_of_removed(
         theirs = ((gone > 0.05) & (gone > kept)) | (touch & (kept < 0.3))
         shadow = object_shadows(shade.dark, theirs, theirs, explained, level, beside, per_m=per_m)
         # In the shade of a house, too, it is darker right beside an object.
-        in_shade = (smooth / np.maximum(luminance(shade.lit * shade.ratio), 0.02)).astype(np.float32)
+        in_shade = (smooth / np.maximum(luminance(shade.lit * shade.ratio), LEAST_LIGHT)).astype(np.float32)
         shadow = shadow | around(seen & (in_shade < DEEPER), nothing, reach_m, in_shade)
     # What is nearly black has nothing to relight; under a lorry, whose floor is high, there are lines to be seen.
     shadow = shadow | (footprint & shade.dark)
-    hopeless = seen & shadow & (level < BLACK_RATIO)
+    noise = log_slope(srgb_of_linear(smooth)) / log_slope(srgb_of_linear(lit))
+    hopeless = seen & shadow & (noise > MOST_NOISE)
     hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(SPECK_M * per_m)).astype(bool) & seen
     # Its border is mixed with it.
     hopeless |= grow(hopeless, SPECK_M * per_m) & shadow & seen
@@ -208,7 +218,7 @@ def _darker_than_beside(patches: Mask, level: Float32, seen: Mask, per_m: float)
     between two cars is darker than its lateral offset is where the sun shines. Of what has nothing around it nobody can say.
 
     Args:
-        level: (A, B) luma as a share of its lateral offset's; seen: (A, B) ground beside objects.
+        level: (A, B) light as a share of its lateral offset's; seen: (A, B) ground beside objects.
     """
     reach = round(AROUND_M * per_m)
     beside = seen & ~grow(patches, PENUMBRA_M * per_m)
@@ -221,6 +231,16 @@ def _darker_than_beside(patches: Mask, level: Float32, seen: Mask, per_m: float)
         if around.sum() >= LEAST_AROUND_M2 * per_m**2:
             darker[near] |= own & (np.median(level[near][own]) < AS_LIGHT * np.median(level[near][around]))
     return darker
+
+
+def _smooth(color: Float32, mask: Mask, sigma: float) -> Float32:
+    """(A, B) luminance of the mean colour (A, B, 3) around, of the texels of a mask (A, B)."""
+    return luminance(linear_light(masked_blur(color, mask, sigma)))
+
+
+def _over(color: Float32, weight: Float32, sigma: float) -> Float32:
+    """(A, B, 3) linear light of the mean colour (A, B, 3) around, by the weights (A, B) of texels."""
+    return linear_light(blurred_over(color * weight[..., None], blurred(weight, sigma), sigma))
 
 
 def under_an_even_sky(gain: Float32, shadow: Mask, footprint: Mask, per_m: float) -> Float32:
@@ -260,7 +280,7 @@ def still_dark(relit: Float32, target: Float32, inside: Mask, hole: Mask, *, per
         relit, target: (A, B, 3) as relit, and as it should be.
         inside: (A, B) what was relit; hole: (A, B) what nobody saw.
     """
-    level, wanted = (masked_blur(luminance(picture), inside, SMOOTH_M * per_m) for picture in (relit, target))
+    level, wanted = (_smooth(picture, inside, SMOOTH_M * per_m) for picture in (relit, target))
     dark = inside & grow(hole, MIXED_M * per_m) & (level < BRIGHT * wanted)
     mixed: Mask = grow(dark, SMOOTH_M * per_m) & inside
     return mixed
@@ -278,7 +298,7 @@ def levelled_border(shadow: Mask, per_m: float) -> Mask:
 def relighting_gain(
     color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, *, per_m: float
 ) -> Float32:
-    """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth.
+    """(A, B, 3) factor of linear light that takes ``shadow`` away: what the street should be by what it is, both smooth.
 
     Made in strips across the street, for a dozen planes of its size are needed on the way.
 
@@ -307,20 +327,26 @@ def _gain_of_strip(
     ring = disc(PENUMBRA_M * per_m)
     # The light that remains is measured inside the shadow; its border counts where there is no inside.
     inside = relit & cv2.erode((shadow | ~seen).astype(np.uint8), ring).astype(bool)
-    weight = np.where(inside, 1.0, BORDER_WEIGHT).astype(np.float32)[..., None]
-    local = masked_blur(color * weight, relit, 0.25 * per_m)
-    wanted = masked_blur(target * weight, relit, 0.25 * per_m)
+    # Noise by what is around: if dark stones weighed less than bright ones beside them, their mean would be brighter.
+    around = masked_blur(color, seen, 0.25 * per_m)
+    certain = light_certainty(np.where(color > UNCLIPPED, color, around)).min(axis=2)
+    told = relit * np.where(inside, 1.0, BORDER_WEIGHT).astype(np.float32) * certain
+    local, wanted = (_over(picture, told, 0.25 * per_m) for picture in (color, target))
     ratio = np.clip(wanted / np.maximum(local, 1e-6), 1.0, MOST_GAIN)
     full = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
     # Along the border lies penumbra, in no fixed width: there each texel gets the share of it that makes it as bright as the
     # street is.
     around = cv2.dilate(shadow.astype(np.uint8), ring) > 0
     # As bright as right beside it, for the street is not the same all along: a difference of a few per cent is an outline.
-    level = luminance(target)
-    beside = masked_blur(luminance(color) / np.maximum(level, 0.02) - 1, seen & ~around, 0.25 * per_m, prior=0.02)  # type: ignore[arg-type]
-    actual = np.maximum(masked_blur(color, seen, 0.03 * per_m), 0.02)
+    told = (seen & ~around) * certain
+    is_there, should_be = (luminance(_over(picture, told, 0.25 * per_m)) for picture in (color, target))
+    known = blurred(told, 0.25 * per_m)
+    beside = known / (known + LEAST_BESIDE) * (is_there / np.maximum(should_be, LEAST_LIGHT) - 1)
+    actual = np.maximum(linear_light(masked_blur(color, seen, 0.03 * per_m)), LEAST_LIGHT)
     # Each channel for itself: in a penumbra the sun's colour and the sky's mix.
-    share = (target * (1 + np.clip(beside, -0.2, 0.2))[..., None] / actual - 1) / np.maximum(ratio - 1, 0.02)
+    share = (linear_light(target) * (1 + np.clip(beside, *BESIDE))[..., None] / actual - 1) / np.maximum(
+        ratio - 1, 0.02
+    )
     mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)
     border = levelled_border(shadow, per_m)
     inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]

@@ -1,7 +1,8 @@
 """Shadow and sun on the chart: what the ground would look like in full sun, and where the sun does not reach it.
 
-The colour of a texel is taken as that of its lateral offset in full sun, times a ratio where it lies in shadow: an intrinsic
-decomposition with two states of light (Barrow and Tenenbaum, *Recovering intrinsic scene characteristics from images*, 1978).
+The light of a texel is taken as that of its lateral offset in full sun, times a ratio where it lies in shadow: an intrinsic
+decomposition in linear light with two states of illumination (Barrow and Tenenbaum, *Recovering intrinsic scene characteristics
+from images*, 1978).
 Which texels lie in shadow is read from the picture; the shadows that the scene casts say which object each belongs to, and what
 the light is like where nobody saw the ground.
 """
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.mechanisms import on
+from unveil_core.base.srgb import light_certainty, linear_light, srgb_of_linear
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, luminance, masked_blur
 from unveil_core.inpaint.light.sun import Sun
@@ -24,11 +26,16 @@ from unveil_core.inpaint.light.sun import Sun
 __all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_unseen"]
 
 Profile = Callable[[Float32, Mask], Float32]
-"""From a picture (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
+"""From a plane (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
 
-DARKEST, BRIGHTEST = 0.41, 0.9
-"""Least and greatest share of a colour, in sRGB, that remains in shadow: of the light on the ground a clear sky gives a seventh
-and more, (1/7)^(1/2.2) = 0.41, and above the second a shadow is not seen."""
+DARKEST = 1 / 7
+"""Least share of the light that remains in shadow: of that on the ground a clear sky gives a seventh and more."""
+BRIGHTEST = 0.8
+"""Greatest share of the light that remains in shadow: above it, 0.9 of an sRGB code, a shadow is not seen."""
+USUAL = 0.2
+"""Share of the light that remains in shadow where nothing tells: half of an sRGB code."""
+LEAST_LIGHT = 0.0008
+"""Light that less counts as in a logarithm: two and a half levels of 255, where a few texels are averaged."""
 ROUNDS = 3
 """Times that ratio, colours in the sun and shadows are found in turn. Chosen on the two sample streets."""
 SMOOTH_M = 0.06
@@ -82,8 +89,8 @@ class Shade:
 
     Attributes:
         dark: (A, B) bool, seen texels in shadow.
-        ratio: (3,) or (A, B, 3) colour in shadow by colour in the sun.
-        lit: (A, B, 3) median colour of the lateral offset in full sun.
+        ratio: (3,) or (A, B, 3) linear light in shadow by that in the sun.
+        lit: (A, B, 3) median linear light of the lateral offset in full sun.
     """
 
     dark: Mask
@@ -113,18 +120,19 @@ def read_shade(
         start: (A, B) first guess; None = what is expected.
         belief: how far that moves the border between light and dark, as a share of the fall between them.
     """
-    smooth = masked_blur(color, seen, SMOOTH_M * texels_per_m)
-    log = np.log(np.maximum(luminance(smooth), 0.01))
+    light = linear_light(color)
+    smooth = linear_light(masked_blur(color, seen, SMOOTH_M * texels_per_m))
+    log = np.log(np.maximum(luminance(smooth), LEAST_LIGHT))
     dark = (expected if start is None else start) & seen
-    ratio = np.full(3, 0.5, dtype=np.float32)
-    lit = color
+    ratio = np.full(3, USUAL, dtype=np.float32)
+    lit = light
     for _ in range(ROUNDS):
         ratio = _ratio(smooth, seen, dark, ratio, border=max(1, round(PENUMBRA_M * texels_per_m)))
-        lit = profile(np.where(dark[..., None], color / ratio, color).astype(np.float32), seen)
+        lit = profile(np.where(dark[..., None], light / ratio, light).astype(np.float32), seen)
         fall = float(np.log(luminance(ratio)))
         # Half way down is the border, but for what the scene says.
         threshold = np.where(expected, 0.5 - belief, 0.5 + belief) * fall
-        darker = log - np.log(np.maximum(luminance(lit), 0.01))
+        darker = log - np.log(np.maximum(luminance(lit), LEAST_LIGHT))
         dark = seen & (darker < threshold)
         opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * texels_per_m))
         dark = opened.astype(bool) & seen
@@ -132,20 +140,20 @@ def read_shade(
 
 
 def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: int) -> Float32:
-    """(3,) median over lateral offsets of dark by lit, away from the shadows' borders; ``before`` where no offset has both."""
+    """(3,) median over lateral offsets of dark by lit, away from the shadows' borders, each weighing as its texels and codes tell;
+    ``before`` where no offset has both."""
     kernel = disc(border)
     inner = seen & dark & (cv2.erode((dark | ~seen).astype(np.uint8), kernel) > 0)
     outer = seen & ~dark & (cv2.dilate(dark.astype(np.uint8), kernel) == 0)
     both = np.flatnonzero((inner.sum(axis=0) >= LEAST_TEXELS) & (outer.sum(axis=0) >= LEAST_TEXELS))
     if not len(both):
         return before
-    quotients = np.stack(
-        [
-            np.median(smooth[inner[:, c], c], axis=0) / np.maximum(np.median(smooth[outer[:, c], c], axis=0), 0.02)
-            for c in both
-        ]
-    )
-    weight = np.minimum(inner[:, both].sum(axis=0), outer[:, both].sum(axis=0))
+    sides = np.stack([[np.median(smooth[side[:, c], c], axis=0) for c in both] for side in (inner, outer)])
+    count = np.minimum(inner[:, both].sum(axis=0), outer[:, both].sum(axis=0))
+    weight = count * light_certainty(srgb_of_linear(sides)).min(axis=(0, 2))
+    if not weight.any():
+        return before
+    quotients = sides[0] / np.maximum(sides[1], 1e-6)
     order = np.argsort(quotients, axis=0)
     passed = np.cumsum(weight[order], axis=0) >= 0.5 * weight.sum()
     middle = order[passed.argmax(axis=0), np.arange(3)]

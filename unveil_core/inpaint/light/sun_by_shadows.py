@@ -11,12 +11,20 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.parallel import each
+from unveil_core.base.srgb import linear_light
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
 from unveil_core.inpaint.light.casters import Casters
-from unveil_core.inpaint.light.darkness import coarse, in_the_dark, level_by_label, level_by_offset
+from unveil_core.inpaint.light.darkness import (
+    LEAST_LIGHT,
+    coarse,
+    in_the_dark,
+    level_by_label,
+    level_by_offset,
+    log_light,
+)
 from unveil_core.inpaint.light.shade import CONTACT_M, read_shade
 from unveil_core.inpaint.light.shadow_map import Discs, in_shadow
 from unveil_core.inpaint.light.sun import ELEVATION_LIMITS, Darkness, Sun, find_suns, sun_towards
@@ -26,8 +34,9 @@ __all__ = ["Evidence", "sun_by_shadows"]
 
 COARSE_M = 0.2
 """Cells of the grid that the sun is first looked for on, metres: the shadows of roofs and trees, not of posts."""
-DARKEST_FALL = 0.7
-"""Fall of log luminance at which darkness is clipped (half the light), so that tar and wet spots do not outweigh shadows."""
+DARKEST_FALL = 1.5
+"""Fall of log luminance at which darkness is clipped, with a fifth of the light left, so that tar and wet spots do not outweigh
+shadows."""
 AHEAD_M = 10.0
 """Distance beyond both ends of the drive up to which the ground is used to find the sun, metres: farther on, a pixel covers
 metres of street. Chosen on the two sample streets."""
@@ -59,10 +68,10 @@ on an overcast drawn street, which had 78. Fourteen sunny ones have 450 and more
 BESIDE_M = (0.15, 0.6)
 """Distances from the border of the shade between which the light on either side of it is compared, metres: off the penumbra, and
 on the same asphalt."""
-MOST_LIGHT = 0.7
-"""Brightness inside of the shade's border, as a share of that outside, which half of all the borders must fall below for the sun to
-shine. In the sun shade has 0.45 to 0.6; asphalt of two ages has 0.8 to 1. The median is 0.32 to 0.66 on twelve sunny streets,
-0.84 to 1 on six overcast ones and at dusk, 0.91 on a real one under thin cloud; one overcast street has 0.4, but no direction."""
+MOST_LIGHT = 0.46
+"""Light inside of the shade's border, as a share of that outside, which half of all the borders must fall below for the sun to
+shine. In the sun shade has 0.17 to 0.33; asphalt of two ages has 0.6 to 1. The median is 0.08 to 0.4 on twelve sunny streets,
+0.68 to 1 on six overcast ones and at dusk, 0.81 on a real one under thin cloud; one overcast street has 0.13, but no direction."""
 LEAST_BESIDE = 0.1
 """Share of what surrounds a piece of border that must have been seen on either side."""
 
@@ -113,7 +122,7 @@ class Evidence:
         return self.chart.world(rows[some], columns[some]), dark[rows[some], columns[some]]
 
     def light_at_borders(self, observed: NDArray[np.bool_], dark: NDArray[np.bool_]) -> float:
-        """Brightness right inside the borders of what is ``dark`` (A, B), as a share of that right outside: the median over all
+        """Light right inside the borders of what is ``dark`` (A, B), as a share of that right outside: the median over all
         borders on the ``observed`` ground (A, B), 1 where there are none."""
         per_m = 1.0 / self.chart.texel
         from_border = [cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 5) for m in (dark, ~dark)]
@@ -122,13 +131,13 @@ class Evidence:
             observed & side & (distance > near) & (distance < far)
             for side, distance in zip((dark, ~dark), from_border, strict=True)
         ]
-        level = luminance(self.chart.color)
+        level = luminance(linear_light(self.chart.color))
         inside, outside = (masked_blur(level, m, far / 2) for m in beside)
         weights = [cv2.GaussianBlur(m.astype(np.float32), (0, 0), far / 2) for m in beside]
         border = (from_border[0] > 0) & (from_border[0] < 1.5) & (np.minimum(*weights) > LEAST_BESIDE)
         if not border.any():
             return 1.0
-        return float(np.median(inside[border] / np.maximum(outside[border], 1e-3)))
+        return float(np.median(inside[border] / np.maximum(outside[border], LEAST_LIGHT)))
 
 
 def sun_by_shadows(evidence: Evidence, casters: Casters) -> Sun | None:
@@ -162,9 +171,9 @@ def _with_margins(places: NDArray[np.float64], axes: NDArray[np.float64]) -> NDA
 def _coarse_suns(chart: StreetChart, observed: NDArray[np.bool_], casters: Surfels) -> list[Sun]:
     """Where the sun may stand, to a few degrees, the likeliest first, by cast shadows and the darkness of ``observed`` ground."""
     step = max(1, round(COARSE_M / chart.texel))
-    log = np.log(np.maximum(luminance(chart.color), 0.02))
+    log = log_light(chart.color)
     levels = [level(chart, observed) for level in (level_by_offset, level_by_label)]
-    falls = [np.clip(np.log(np.maximum(np.nan_to_num(p, nan=0.0), 0.01)) - log, 0, DARKEST_FALL) for p in levels]
+    falls = [np.clip(np.log(np.maximum(np.nan_to_num(p, nan=0.0), LEAST_LIGHT)) - log, 0, DARKEST_FALL) for p in levels]
     (by_offset, known), (by_label, _) = (coarse(fall, observed, step) for fall in falls)
     cells = np.s_[step // 2 :: step, step // 2 :: step]
     s, t = (along[step // 2 :: step] for along in chart.coordinates())
