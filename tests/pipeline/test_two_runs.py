@@ -57,7 +57,7 @@ class Run(threading.Thread):
     def look(self, _: int) -> tuple[bool, bool, str, int, bool]:
         """What one thread of the work finds."""
         note_of_device(f"told by {self.name}")
-        return on("quilting"), on("facades"), current_device().backend, thread_count(), stop_asked.is_set()
+        return on("quilting"), on("facades"), current_device().backend, thread_count(), stop_asked()
 
     def work(self, context: StageContext) -> None:
         """The stage's work."""
@@ -75,7 +75,7 @@ def state_of_process() -> dict[str, Any]:
         "mechanisms": [on("quilting"), on("facades")],
         "device": current_device(),
         "threads": thread_count(),
-        "stop": stop_asked.is_set(),
+        "stop": stop_asked(),
         "hook": threading.excepthook,
         "frozen": gc.get_freeze_count() > 0,
     }
@@ -128,7 +128,7 @@ def test_a_signal_stops_the_run_that_heeds_it(tmp_path: Path) -> None:
 
     def signalled(context: StageContext) -> None:
         os.kill(os.getpid(), signal.SIGINT)
-        assert stop_asked.is_set() and all(each(lambda _: stop_asked.is_set(), range(4)))
+        assert stop_asked() and all(each(lambda _: stop_asked(), range(4)))
         other.go_on.set()
         assert other.over.wait(PATIENCE_S)
         context.progress(1, 1)

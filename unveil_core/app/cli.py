@@ -18,7 +18,7 @@ from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
 from unveil_core.base.errors import Cancelled, DiskFullError, Interrupted, OutOfMemoryError, UnveilError
 from unveil_core.base.kernels.device import check_device, working_on
-from unveil_core.base.progress import stop_asked
+from unveil_core.base.progress import heeding
 from unveil_core.base.surroundings.guarded_imports import leave_working_folder
 
 __all__ = ["CANCELLED", "main"]
@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     asked = threading.Event()
     try:
         device = getattr(arguments, "works_on", "auto")  # what a run is told to work on, it sees to itself
-        with _interrupts(asked), working_on(device):
+        with _interrupts(asked), heeding(asked), working_on(device):
             check_device(device)
             if arguments.end_with_stdin:
                 end_with_stdin()
@@ -110,14 +110,12 @@ def _interrupts(asked: threading.Event) -> Iterator[None]:
 
     def stop(*_: object) -> None:
         asked.set()
-        stop_asked.set()
         raise Interrupted
 
     previous = {s: signal.signal(s, stop) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        stop_asked.clear()
         for number, handler in previous.items():
             signal.signal(number, handler)
 

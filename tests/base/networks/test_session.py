@@ -22,7 +22,8 @@ from unveil_core.base.errors import Interrupted, SettingsError
 from unveil_core.base.networks import session
 from unveil_core.base.networks.onnx_files import open_onnx
 from unveil_core.base.networks.session import Limits, NetworkProblem, OnnxSession, limits_of
-from unveil_core.base.progress import stop_asked
+from unveil_core.base.parallel import in_context
+from unveil_core.base.progress import heeding
 from unveil_core.labelling.segmenter import load_segmenter
 
 NOISE = {"image": np.random.default_rng(0).random((1, 3, 64, 64), np.float32)}
@@ -105,6 +106,7 @@ def test_a_stop_ends_a_network_at_work_in_any_thread(tmp_path: Path) -> None:
     opened.run(NOISE)
     opened.tried()
     raised: list[BaseException] = []
+    stop = threading.Event()
 
     def work() -> None:
         try:
@@ -112,16 +114,14 @@ def test_a_stop_ends_a_network_at_work_in_any_thread(tmp_path: Path) -> None:
         except BaseException as error:
             raised.append(error)
 
-    thread = threading.Thread(target=work)
+    with heeding(stop):
+        thread = threading.Thread(target=in_context(work))
     thread.start()
     thread.join(2)
     assert thread.is_alive()
-    stop_asked.set()
-    try:
-        thread.join(5)
-        assert not thread.is_alive() and isinstance(raised[0], Interrupted)
-    finally:
-        stop_asked.clear()
+    stop.set()
+    thread.join(60)
+    assert not thread.is_alive() and isinstance(raised[0], Interrupted)
 
 
 WAITS = """
