@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.disk.open_safely import open_file, open_in_place
+from unveil_core.base.surroundings.programs import environment
 from unveil_core.farm.manifest import read_batch
 from unveil_core.farm.state import TaskState, note_state, state_of
 from unveil_core.workspace.lock import IN_USE
@@ -77,13 +78,12 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
 
     note("running")
     log = batch.root / "tasks" / f"{task.id}.log"
-    environment = {**os.environ, "OMP_WAIT_POLICY": "PASSIVE"}
     # Its standard input closes with this process, however that ends, and then it stops.
     # -P: what lies in the folder where the batch was started is not imported.
     command = [sys.executable, "-P", "-m", "unveil_core", *task.arguments, "--end-with-stdin"]
     while True:
         with os.fdopen(open_in_place(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as stream:
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream, env=environment)
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream, env=environment())
             _running.add((root, process))
             try:
                 if root in _stopping:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import Interrupted
 from unveil_core.base.parallel import in_context
 from unveil_core.base.progress import stop_asked
+from unveil_core.base.surroundings.programs import environment
 
 __all__ = ["Limits", "NetworkProblem", "OnnxSession", "OnnxValue", "limits_of"]
 
@@ -93,6 +94,7 @@ class OnnxSession:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            env=environment(),
         )
         self._end = weakref.finalize(self, _ended, self._process)
         about, _ = self._asked({"path": str(Path(path).absolute()), "threads": threads}, [])

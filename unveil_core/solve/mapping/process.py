@@ -14,6 +14,7 @@ from typing import Any
 from unveil_core.base.errors import Interrupted, SettingsError, UnveilError
 from unveil_core.base.parallel import in_context
 from unveil_core.base.progress import Progress, no_progress, stop_asked
+from unveil_core.base.surroundings.programs import environment
 
 __all__ = ["SEED", "check_installed", "mapped"]
 
@@ -52,6 +53,7 @@ def mapped(request: dict[str, Any], progress: Progress = no_progress) -> dict[st
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
+        env=environment(),
         text=True,
         encoding="utf-8",
     )
