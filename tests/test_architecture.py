@@ -105,6 +105,29 @@ def test_kernels_share_threads_in_one_way() -> None:
     assert [name for name, text in sources.items() if "prange" in text or "parallel=True" in text] == []
 
 
+def test_threads_work_in_the_context_of_the_run_that_started_them() -> None:
+    """``base/parallel`` says why. Libraries start theirs without it, and without a word of errors: scipy's are not asked for."""
+    apart = {
+        f"{PACKAGE}/base/parallel.py",  # its own run what was given to them with its context
+        f"{PACKAGE}/app/stdin_watch.py",  # ends the process
+        f"{PACKAGE}/base/networks/child.py",  # programs of their own
+        f"{PACKAGE}/solve/mapping/child.py",
+        f"{PACKAGE}/farm/run.py",  # Dask's: each task is a process
+    }
+    without = []
+    for path in sorted((ROOT / PACKAGE).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.Call):
+                continue
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            named = {k.arg: k.value for k in node.keywords}
+            work = {"Thread": named.get("target"), "submit": node.args[0] if node.args else None}.get(called)
+            if work is not None and not (isinstance(work, ast.Call) and getattr(work.func, "id", "") == "in_context"):
+                without.append(str(path.relative_to(ROOT)))
+            assert not (called.startswith("query") and "workers" in named), path
+    assert set(without) <= apart
+
+
 def test_kernels_are_compiled_in_one_way() -> None:
     """``base/kernels/compiled`` says why: numba's own files of two processes mix."""
     sources = {str(p.relative_to(ROOT)): p.read_text(encoding="utf-8") for p in sorted((ROOT / PACKAGE).rglob("*.py"))}

@@ -62,7 +62,7 @@ def test_a_run_ends_with_the_program_that_started_it_even_killed(tmp_path: Path)
         assert alive(worker)
         parent.send_signal(signal.SIGKILL)
         parent.wait()
-        assert until(lambda: not alive(worker), 8)
+        assert until(lambda: not alive(worker), 60)
     finally:
         parent.kill()
         if alive(worker):
@@ -179,7 +179,7 @@ def test_an_interrupt_that_is_caught_does_not_end_the_process_by_a_signal(tmp_pa
     (tmp_path / "interrupted.py").write_text(WITHIN_TEXT)
     command = [sys.executable, "-m", "interrupted"]
     paths = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])}
-    done = subprocess.run(command, env={**os.environ, **paths}, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, env={**os.environ, **paths}, capture_output=True, text=True, timeout=300)
     assert done.returncode == 130 and done.stderr.count("\n") == 1
 
 

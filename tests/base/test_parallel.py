@@ -46,7 +46,7 @@ def test_helpers_at_other_work_are_not_waited_for() -> None:
 
     def waiting(start: int, stop: int) -> None:
         held.release()
-        release.wait(20)
+        release.wait(120)
 
     many = (os.cpu_count() or 1) + 2
     with threads(many):
@@ -54,7 +54,7 @@ def test_helpers_at_other_work_are_not_waited_for() -> None:
         first.start()
         try:
             for _ in range(2):
-                assert held.acquire(timeout=10)
+                assert held.acquire(timeout=60)
             time.sleep(0.05)
             done = np.zeros(50, int)
             in_parallel(lambda a, b: done.__setitem__(slice(a, b), 1), 50, 1)
@@ -71,7 +71,7 @@ def test_an_error_in_any_thread_arrives_after_all_have_stopped() -> None:
         if threading.current_thread() is not threading.main_thread():
             running.release()
             raise RuntimeError("broken chunk")
-        running.acquire(timeout=10)
+        running.acquire(timeout=60)
 
     with threads(2), pytest.raises(RuntimeError, match="broken chunk"):
         in_parallel(kernel, 2, 1)

@@ -38,3 +38,14 @@ def test_what_the_caller_set_aside_stays_so() -> None:
         assert gc.get_freeze_count() > 0
     finally:
         gc.unfreeze()
+
+
+def test_of_two_at_once_the_last_one_puts_back() -> None:
+    first, second = old_objects_set_aside(), old_objects_set_aside()
+    with first:
+        second.__enter__()
+        free_cycles()
+    assert gc.get_freeze_count() > 0, "the second is still at work"
+    free_cycles()
+    second.__exit__(None, None, None)
+    assert gc.get_freeze_count() == 0

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import argparse
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
+from benchmarks.streets import special_cases
 from benchmarks.streets.special_cases import (
     ALL_ON,
     FIGURES,
+    FIRST,
     change,
     listed,
     means,
-    measured_cases,
     record,
     stages_from,
 )
 from unveil_core.pipeline.mechanisms import MECHANISMS
+
+PROGRAM = special_cases.__file__
 
 
 def figures(psnr: float, seconds: float) -> dict[str, Any]:
@@ -28,7 +33,19 @@ def test_all_mechanisms_are_listed_with_their_lines() -> None:
     rows = {line.split()[1]: int(line.split()[0]) for line in listed()}
     assert set(rows) == set(MECHANISMS) and list(rows.values()) == sorted(rows.values(), reverse=True)
     assert rows["sun"] > rows["houses"] > rows["houses_beyond"] > 20
-    assert set(measured_cases()) == {n for n, m in MECHANISMS.items() if m.stage not in ("segment", "reconstruct")}
+    assert [name for name, lines in rows.items() if not lines] == []
+    assert rows["ground_by_photographs"] > 300
+
+
+def test_each_mechanism_is_measured_from_its_own_stage_on() -> None:
+    names = stages_from(FIRST)
+    for mechanism in MECHANISMS.values():
+        assert mechanism.stage in names
+        assert stages_from(mechanism.stage) == names[names.index(mechanism.stage) :]
+    told = subprocess.run(
+        [sys.executable, PROGRAM, "--cases", "ground_by_photographs,nothing"], capture_output=True, text=True
+    )
+    assert "unknown case nothing: use ground_by_photographs, " in told.stderr
 
 
 def test_changes_are_without_minus_with_and_of_the_stages_that_ran_again() -> None:

@@ -27,6 +27,7 @@ from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_
 from unveil_core.farm.run import MEMORY, RETRIES, run_batch, workers_that_fit
 from unveil_core.farm.state import TaskState, note_state, state_of
 from unveil_core.farm.status import batch_status, status_lines
+from unveil_core.farm.task import TaskFailed, end_tasks, run_task, tasks_may_begin
 from unveil_core.forecast.machine import this_machine
 from unveil_core.ground import blocks
 from unveil_core.pipeline.settings import RunSettings
@@ -188,6 +189,19 @@ def test_a_poisoned_drive_fails_alone_and_what_is_done_is_not_run_again(tmp_path
     assert sum("bad." in line and ": begun on worker 0" in line for line in lines) == 2
     lines.clear()
     assert run_batch(batch, lines.append) == [] and lines == ["4 tasks of 2 drives, 4 done already"]
+
+
+def test_a_batch_that_is_stopped_stops_no_other(tmp_path: Path) -> None:
+    """Of one process, whose threads are both batches' workers."""
+    stopped, other = (cheap(tmp_path / name / "batch", ["one"], tmp_path / name) for name in ("stopped", "other"))
+    end_tasks(str(stopped.root))
+    try:
+        with pytest.raises(TaskFailed, match="cancelled"):
+            run_task(str(stopped.root), stopped.tasks[0].id)
+        assert run_task(str(other.root), other.tasks[0].id)["tries"] == 1
+    finally:
+        tasks_may_begin(str(stopped.root))
+    assert run_task(str(stopped.root), stopped.tasks[0].id)["tries"] == 1
 
 
 def test_a_worker_that_dies_is_replaced_and_a_task_that_kills_every_one_fails(tmp_path: Path) -> None:

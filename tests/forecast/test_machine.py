@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
+import psutil
 import pytest
 
 from unveil_core.forecast.machine import KEPT, free_disk_mb, free_memory_mb, measured_seconds, this_machine
@@ -63,9 +65,9 @@ def test_a_folder_that_cannot_be_written_costs_nothing(tmp_path: Path) -> None:
 
 
 def test_this_machine_takes_time_and_has_room(tmp_path: Path) -> None:
-    assert 1e-4 < measured_seconds() < 5
-    assert free_memory_mb() > 50
-    assert free_disk_mb(tmp_path / "not" / "there") > 1
+    assert measured_seconds() > 0
+    assert 0 < free_memory_mb() <= psutil.virtual_memory().total / 2**20
+    assert 0 <= free_disk_mb(tmp_path / "not" / "there") <= shutil.disk_usage(tmp_path).total / 2**20
 
 
 def test_times_with_a_gpu_are_kept_for_themselves(tmp_path: Path) -> None:

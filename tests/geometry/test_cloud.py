@@ -7,8 +7,10 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
-from unveil_core.geometry.cloud import estimate_normals, quats_from_normals, thin_points
+from unveil_core.base.parallel import threads
+from unveil_core.geometry.cloud import AT_ONCE, estimate_normals, neighbours_of, quats_from_normals, thin_points
 from unveil_core.surfels.surfels import rotations
 
 
@@ -22,6 +24,19 @@ def test_normals_of_a_tilted_plane_face_the_viewer() -> None:
     assert np.median(normal @ true) > 0.99
     assert (normal @ true > 0).all()
     assert 0.02 < np.median(spacing) < 0.15
+
+
+@pytest.mark.parametrize("several", [1, 3])
+def test_neighbours_are_those_of_the_tree_and_an_error_in_any_thread_arrives(several: int) -> None:
+    points = np.random.default_rng(0).uniform(-5, 5, (2 * AT_ONCE + 5, 3))
+    tree = cKDTree(points[::4])
+    with threads(several):
+        for found, expected in zip(neighbours_of(points, tree, 3), tree.query(points, k=3), strict=True):
+            assert (found == expected).all() and found.dtype == expected.dtype
+        assert neighbours_of(points[:0], tree, 3)[1].shape == (0, 3)
+        points[-1] = np.nan
+        with pytest.raises(ValueError, match="finite"):
+            neighbours_of(points, tree, 3)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

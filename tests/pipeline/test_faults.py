@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -131,32 +130,6 @@ def test_want_of_memory_is_told_and_what_was_computed_serves_the_next_attempt(
     assert workspace.state()["stages"]["read"]["status"] == "failed"
     assert "allocate" in workspace.events()[-1]["traceback"]
     assert go(tmp_path / "w", tmp_path / "drive", stage) == ["read"] and made == ["first", "hungry"]
-
-
-@pytest.mark.parametrize("also", [False, True])
-def test_a_thread_of_a_library_that_finds_no_memory_spoils_no_result(
-    also: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """The library goes on without it, with arrays that hold anything; and what was made of them must not be kept."""
-    (tmp_path / "drive").write_text("3")
-
-    def disturbed(context: StageContext) -> None:
-        thread = threading.Thread(target=lambda: bytearray(MOST))
-        thread.start()
-        thread.join()
-        context.kept.once("made of it", lambda: {"x": np.zeros(1)})
-        (parts_of(context.workspace.root, "read") / "block_000/digest").mkdir(parents=True)
-        (parts_of(context.workspace.root, "read") / "block_000/digest/part.npz").touch()
-        if also:
-            bytearray(MOST)
-        read(context)
-
-    with pytest.raises(OutOfMemoryError, match="no memory left for read"):
-        go(tmp_path / "w", tmp_path / "drive", replace(STAGE, run=disturbed))
-    left = [p.name for p in (tmp_path / "w").iterdir()]
-    assert sorted(left) == [".blocks", ".lock", "events.jsonl", "workspace.json"]
-    assert not parts_of(tmp_path / "w", "read").exists() and "Traceback" not in capfd.readouterr().err
-    assert go(tmp_path / "w", tmp_path / "drive") == ["read"]
 
 
 @pytest.mark.parametrize("how", ["changed", "changed and put back", "removed", "removed and missed"])

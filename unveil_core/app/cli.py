@@ -18,8 +18,8 @@ from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
 from unveil_core.base.errors import Cancelled, DiskFullError, Interrupted, OutOfMemoryError, UnveilError
 from unveil_core.base.kernels.device import check_device, working_on
-from unveil_core.base.progress import stop_asked
-from unveil_core.base.surroundings.guarded_imports import leave_working_folder
+from unveil_core.base.progress import heeding
+from unveil_core.base.surroundings.guarded_imports import own_this_process
 
 __all__ = ["CANCELLED", "main"]
 
@@ -31,7 +31,7 @@ NO_MEMORY = "unveil: failed: no memory left (end other programs, or use a machin
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     if argv is None:  # the process is this program's own
-        leave_working_folder()
+        own_this_process()
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, OSError, ValueError):  # names of files need not be text that a terminal can show
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     asked = threading.Event()
     try:
         device = getattr(arguments, "works_on", "auto")  # what a run is told to work on, it sees to itself
-        with _interrupts(asked), working_on(device):
+        with _interrupts(asked), heeding(asked), working_on(device):
             check_device(device)
             if arguments.end_with_stdin:
                 end_with_stdin()
@@ -110,17 +110,11 @@ def _interrupts(asked: threading.Event) -> Iterator[None]:
 
     def stop(*_: object) -> None:
         asked.set()
-        stop_asked.set()
         raise Interrupted
 
     previous = {s: signal.signal(s, stop) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        stop_asked.clear()
         for number, handler in previous.items():
             signal.signal(number, handler)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

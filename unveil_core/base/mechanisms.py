@@ -7,24 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 __all__ = ["on", "without"]
 
-_off: frozenset[str] = frozenset()
+_off: ContextVar[frozenset[str]] = ContextVar("off", default=frozenset())
 
 
 def on(name: str) -> bool:
-    """Whether a mechanism works in this process: all do, unless :func:`without` says otherwise."""
-    return name not in _off
+    """Whether a mechanism works here: all do, unless :func:`without` says otherwise."""
+    return name not in _off.get()
 
 
 @contextmanager
 def without(names: Iterable[str]) -> Iterator[None]:
-    """A block in which some mechanisms do not work, in all threads of this process."""
-    global _off
-    before = _off
-    _off = before | frozenset(names)
+    """A block in which some mechanisms do not work, in all threads that it starts (``parallel.in_context``), and in no others."""
+    before = _off.set(_off.get() | frozenset(names))
     try:
         yield
     finally:
-        _off = before
+        _off.reset(before)

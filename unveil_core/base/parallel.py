@@ -8,6 +8,10 @@ on who computes it, results are the same for any number of threads.
 Work on whole frames that releases the lock most of its time is shared out by :func:`each`, a frame a thread; kernels that such
 work calls then stay in its thread.
 
+What is true of the caller alone (a run's mechanisms, its device, its number of threads, whether it is to stop) lies in context
+variables, and all these threads work in a copy of the caller's context: two runs of one process know nothing of each other.
+Threads that are started otherwise get it by :func:`in_context`.
+
 These are the only ways in which the package's own kernels use several threads. Threads of our own, not numba's parallel
 loops: those compile a loop's body twice, and which of the two copies runs depends on whether the code was compiled in this
 process or comes from the cache. With fast math the two round differently, and a drive unveiled twice would not give the
@@ -24,13 +28,14 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import lru_cache
+from contextvars import ContextVar, copy_context
+from functools import lru_cache, partial
 from queue import SimpleQueue
-from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
-__all__ = ["EXACT", "FAST", "ThreadErrors", "each", "in_parallel", "thread_count", "threads", "works_alone"]
+__all__ = ["EXACT", "FAST", "each", "in_context", "in_parallel", "thread_count", "threads", "works_alone"]
 
+P = ParamSpec("P")
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -55,7 +60,6 @@ class _Pool:
     """One pool per process, made when first needed and made anew after a fork."""
 
     def __init__(self) -> None:
-        self.count = _available()
         self.executor: ThreadPoolExecutor | None = None
         self.lock = threading.Lock()
 
@@ -117,7 +121,9 @@ class _Helpers:
         self.queue, self.threads = SimpleQueue[_Share](), list[threading.Thread]()
 
 
-_pool, _helpers, _own = _Pool(), _Helpers(), threading.local()
+_pool, _helpers = _Pool(), _Helpers()
+_processors = _available()
+_count, _alone = ContextVar("count", default=_processors), ContextVar("alone", default=False)
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.forget)
     os.register_at_fork(after_in_child=_helpers.forget)
@@ -125,17 +131,22 @@ if hasattr(os, "register_at_fork"):
 
 def thread_count() -> int:
     """How many threads share the work: the processors this process may use, unless :func:`threads` says otherwise."""
-    return _pool.count
+    return _count.get()
 
 
 @contextmanager
 def threads(count: int) -> Iterator[None]:
     """Use this number of threads within the block."""
-    before, _pool.count = _pool.count, max(1, count)
+    before = _count.set(max(1, count))
     try:
         yield
     finally:
-        _pool.count = before
+        _count.reset(before)
+
+
+def in_context(work: Callable[P, R]) -> Callable[P, R]:
+    """The same work, once, for a thread that is started for it: in a copy of the caller's context as it is now."""
+    return partial(copy_context().run, work)
 
 
 def in_parallel(kernel: Callable[..., Any], size: int, chunk: int, *arguments: Any) -> None:
@@ -146,7 +157,7 @@ def in_parallel(kernel: Callable[..., Any], size: int, chunk: int, *arguments: A
         size: how much there is; chunk: how much a thread takes at a time.
     """
     chunks = -(-size // chunk)
-    helpers = 0 if works_alone() else min(_pool.count, chunks) - 1
+    helpers = 0 if works_alone() else min(thread_count(), chunks) - 1
     if helpers < 1:
         if size > 0:
             kernel(0, size, *arguments)
@@ -158,7 +169,7 @@ def in_parallel(kernel: Callable[..., Any], size: int, chunk: int, *arguments: A
         while (k := next(turn)) < len(ranges):
             kernel(*ranges[k], *arguments)
 
-    shares = [_Share(work) for _ in range(helpers)]
+    shares = [_Share(in_context(work)) for _ in range(helpers)]
     _helpers.give(shares)
     try:
         work()
@@ -184,7 +195,7 @@ def _ranges(size: int, chunk: int, count: int) -> tuple[tuple[int, int], ...]:
 
 def works_alone() -> bool:
     """Whether this thread works on one item of :func:`each`: what it calls must not wait for other threads of the pool."""
-    return getattr(_own, "alone", False)
+    return _alone.get()
 
 
 def each(work: Callable[[T], R], items: Sequence[T], *, most: int | None = None) -> Iterator[R]:
@@ -195,24 +206,19 @@ def each(work: Callable[[T], R], items: Sequence[T], *, most: int | None = None)
         items: no more than one per thread, and one, are ahead of what was taken.
         most: items at work at a time, as memory allows; None = one per thread.
     """
-    count = min(_pool.count, len(items), _pool.count if most is None else most)
+    count = min(thread_count(), len(items), len(items) if most is None else most)
     if count < 2 or works_alone():
         yield from map(work, items)
         return
 
-    def alone(item: T) -> R:
-        _own.alone = True
-        try:
-            return work(item)
-        finally:
-            _own.alone = False
-
+    context = copy_context()
+    context.run(_alone.set, True)
     begun: deque[Future[R]] = deque()
     try:
         for item in items:
             if len(begun) > count:
                 yield begun.popleft().result()
-            begun.append(_pool.submit(lambda item=item: alone(item)))  # type: ignore[misc]
+            begun.append(_pool.submit(partial(context.copy().run, work, item)))
         while begun:
             yield begun.popleft().result()
     finally:
@@ -220,35 +226,3 @@ def each(work: Callable[[T], R], items: Sequence[T], *, most: int | None = None)
         for future in begun:
             if not future.cancel():
                 future.exception()
-
-
-class ThreadErrors:
-    """A context in which errors that end threads of libraries are kept rather than printed.
-
-    Such an error ends the thread and nothing else, and what it was to compute is missing from a result: scipy's search for
-    neighbours, where a thread of it finds no memory, hands arrays back with whatever was in them.
-
-    Attributes:
-        found: the errors, in their order.
-    """
-
-    def __init__(self) -> None:
-        self.found: list[BaseException] = []
-
-    def __enter__(self) -> ThreadErrors:
-        self._before = threading.excepthook
-        threading.excepthook = self._take
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        threading.excepthook = self._before
-
-    def check(self) -> None:
-        """Raise the first error, if there is one."""
-        if self.found:
-            raise self.found[0]
-
-    def _take(self, arguments: threading.ExceptHookArgs) -> None:
-        self.found.append(arguments.exc_value or arguments.exc_type())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import platform
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -45,19 +46,34 @@ def return_free_memory() -> None:
         library.malloc_trim(0)
 
 
+class _SetAside:
+    """How many blocks are at work, in all threads: what the collector passes over belongs to the process."""
+
+    def __init__(self) -> None:
+        self.lock, self.blocks, self.by_caller = threading.Lock(), 0, False
+
+
+_aside = _SetAside()
+
+
 @contextmanager
 def old_objects_set_aside() -> Iterator[None]:
     """Within it :func:`free_cycles` looks through new objects alone.
 
     Modules and their functions are half a million objects: looking through them would take longer than many a stage does.
     """
-    by_caller = gc.get_freeze_count() > 0
+    with _aside.lock:
+        if not _aside.blocks:
+            _aside.by_caller = gc.get_freeze_count() > 0
+        _aside.blocks += 1
     gc.freeze()
     try:
         yield
     finally:
-        if not by_caller:
-            gc.unfreeze()
+        with _aside.lock:
+            _aside.blocks -= 1
+            if not _aside.blocks and not _aside.by_caller:
+                gc.unfreeze()
 
 
 def free_cycles() -> None:

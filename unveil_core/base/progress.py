@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Protocol
 
-__all__ = ["Progress", "no_notice", "no_progress", "part_of", "stop_asked"]
+__all__ = ["Progress", "heeding", "no_notice", "no_progress", "part_of", "stop_asked"]
 
-stop_asked = threading.Event()
-"""Set from when a signal asked the program to end until it has. What waits for another process, in any thread, looks at it: a
-signal reaches the main thread alone, and there may tell only the next progress call."""
+_stop: ContextVar[threading.Event | None] = ContextVar("stop", default=None)
+
+
+@contextmanager
+def heeding(stop: threading.Event) -> Iterator[None]:
+    """A block whose work, in all threads that it starts (``parallel.in_context``), is to end once this is set."""
+    before = _stop.set(stop)
+    try:
+        yield
+    finally:
+        _stop.reset(before)
+
+
+def stop_asked() -> bool:
+    """Whether a signal asked this run to end. What waits for another process, in any thread, looks at it: a signal reaches the main
+    thread alone, and there may tell only the next progress call."""
+    stop = _stop.get()
+    return stop is not None and stop.is_set()
 
 
 class Progress(Protocol):

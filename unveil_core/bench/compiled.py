@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import UnveilError
+from unveil_core.base.surroundings.guarded_imports import own_this_process
 
 __all__ = ["CAPABILITIES", "compiled"]
 
@@ -50,7 +51,7 @@ def compiled(capabilities: Collection[int], only: str = "") -> list[dict[str, An
         UnveilError: Triton or its tools cannot make code for one of them.
     """
     environment = {k: v for k, v in os.environ.items() if k != "TRITON_INTERPRET"}
-    command = [sys.executable, "-W", "ignore", "-m", __name__, *map(str, capabilities), only]
+    command = [sys.executable, "-P", "-W", "ignore", "-m", __name__, *map(str, capabilities), only]
     done = subprocess.run(command, capture_output=True, text=True, env=environment)
     if done.returncode:
         raise UnveilError(
@@ -130,4 +131,5 @@ def _main(capabilities: list[str], only: str) -> None:
 
 
 if __name__ == "__main__":
+    own_this_process()
     _main(sys.argv[1:-1], sys.argv[-1])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_json_atomic
+from unveil_core.base.parallel import in_context
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint, Kept
@@ -148,7 +149,7 @@ def _score_frames(
         def make(some: range = some) -> dict[str, NDArray[Any]]:
             results: dict[int, FrameScores] = {}
             with ThreadPoolExecutor(WORKERS) as pool:
-                jobs = {pool.submit(score_frame, sources, frames[i], i in filled): i for i in some}
+                jobs = {pool.submit(in_context(score_frame), sources, frames[i], i in filled): i for i in some}
                 try:
                     for done, job in enumerate(as_completed(jobs)):
                         results[jobs[job]] = job.result()

@@ -52,7 +52,7 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
         return []
     waiting = {task.drive for task in open_tasks}
     drives = [drive for drive in batch.drives if drive.name in waiting]
-    with _client(scheduler, workers, drives, tell) as client:
+    with _client(_root(batch), scheduler, workers, drives, tell) as client:
         tell(f"dashboard: {client.dashboard_link if scheduler else _local_dashboard(client)}")
         needs = {drive.name: _asked(client, drive, tell) for drive in drives}
         client.subscribe_topic(BEGUN, lambda event: tell(f"{event[1]['task']}: begun on {event[1]['where']}"))
@@ -61,7 +61,7 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
 
 
 @contextmanager
-def _client(scheduler: str | None, workers: int, drives: list[BatchDrive], tell: Teller) -> Iterator[Any]:
+def _client(root: str, scheduler: str | None, workers: int, drives: list[BatchDrive], tell: Teller) -> Iterator[Any]:
     """A client of the cluster at an address, or of workers in this process."""
     from distributed import Client, LocalCluster
 
@@ -89,10 +89,15 @@ def _client(scheduler: str | None, workers: int, drives: list[BatchDrive], tell:
             resources={GPU: gpus} if gpus else None,
             silence_logs=logging.CRITICAL,  # what a task says is told by this module
         )
-        stack.callback(tasks_may_begin)
+        stack.callback(tasks_may_begin, root)
         client = stack.enter_context(Client(stack.enter_context(cluster)))
-        stack.callback(end_tasks)  # first of the three: the cluster waits for its threads
+        stack.callback(end_tasks, root)  # first of the three: the cluster waits for its threads
         yield client
+
+
+def _root(batch: Batch) -> str:
+    """By which tasks know their batch."""
+    return str(batch.root.absolute())
 
 
 def _local_dashboard(client: Any) -> str | None:
@@ -149,7 +154,7 @@ def _submitted(client: Any, batch: Batch, tasks: list[Task], needs: dict[str, di
     for task in tasks:
         futures[task.id] = client.submit(
             _run_after,
-            str(batch.root.absolute()),
+            _root(batch),
             task.id,
             [futures[i] for i in task.after if i in futures],
             key=f"{batch.root.name}-{task.id}",

@@ -6,13 +6,13 @@ import os
 import platform
 import subprocess
 import sys
-import threading
 import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from unveil_core.base.disk.open_safely import open_file, open_in_place
+from unveil_core.base.surroundings.programs import environment
 from unveil_core.farm.manifest import read_batch
 from unveil_core.farm.state import TaskState, note_state, state_of
 from unveil_core.workspace.lock import IN_USE
@@ -23,20 +23,26 @@ BUSY_S = 120.0
 """How long a task waits for a workspace that another process has, seconds: a killed one's is free at once."""
 
 
-_running: set[subprocess.Popen[bytes]] = set()
-_stopping = threading.Event()
+_running: set[tuple[str, subprocess.Popen[bytes]]] = set()
+"""Those of this process, each with the root of its batch: Dask's workers are threads that several batches may have started."""
+_stopping: set[str] = set()
 
 
-def end_tasks() -> None:
-    """End what runs in threads of this process; none begins any more, until :func:`tasks_may_begin`."""
-    _stopping.set()
-    for process in list(_running):
-        _end(process)
+def end_tasks(root: str) -> None:
+    """End what runs of a batch in threads of this process; no task of it begins any more, until :func:`tasks_may_begin`.
+
+    Args:
+        root: as for :func:`run_task`.
+    """
+    _stopping.add(root)
+    for of, process in list(_running):
+        if of == root:
+            _end(process)
 
 
-def tasks_may_begin() -> None:
+def tasks_may_begin(root: str) -> None:
     """After :func:`end_tasks`, once the threads are gone."""
-    _stopping.clear()
+    _stopping.discard(root)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -62,7 +68,7 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
     before = state_of(batch, task)
     if before.status == "done":
         return {"id": task.id, "tries": before.tries, "seconds": before.seconds}
-    if _stopping.is_set():
+    if root in _stopping:
         raise TaskFailed(f"{task.id}: cancelled")
     tries, begun = before.tries + 1, time.monotonic()
 
@@ -72,25 +78,24 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
 
     note("running")
     log = batch.root / "tasks" / f"{task.id}.log"
-    environment = {**os.environ, "OMP_WAIT_POLICY": "PASSIVE"}
     # Its standard input closes with this process, however that ends, and then it stops.
     # -P: what lies in the folder where the batch was started is not imported.
     command = [sys.executable, "-P", "-m", "unveil_core", *task.arguments, "--end-with-stdin"]
     while True:
         with os.fdopen(open_in_place(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as stream:
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream, env=environment)
-            _running.add(process)
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream, env=environment())
+            _running.add((root, process))
             try:
-                if _stopping.is_set():
+                if root in _stopping:
                     _end(process)
                 code = process.wait()
             finally:
-                _running.discard(process)
+                _running.discard((root, process))
         line = _last_line(log)
         if code == 0:
             note("done", line)
             return {"id": task.id, "tries": tries, "seconds": round(time.monotonic() - begun, 2)}
-        if _stopping.is_set():  # it has not failed: with this process gone it is to do
+        if root in _stopping:  # it has not failed: with this process gone it is to do
             raise TaskFailed(f"{task.id}: cancelled")
         # The process of a worker that died may live on for a moment.
         if IN_USE not in line or time.monotonic() - begun > BUSY_S:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64
-from unveil_core.geometry.cloud import every_nth
+from unveil_core.geometry.cloud import every_nth, neighbours_of
 from unveil_core.ground.height_field import HeightField
 
 __all__ = ["fit_terrain", "ground_points"]
@@ -43,7 +43,7 @@ def ground_points(points: Float64, means: Float64, on_ground: NDArray[np.bool_])
     points = every_nth(points, MOST_POINTS)
     if len(means) < 3 or not len(points):
         return np.zeros((0, 3))
-    gap, nearest = cKDTree(means).query(points, k=3, workers=-1)
+    gap, nearest = neighbours_of(points, cKDTree(means), 3)
     return points[on_ground[nearest].all(axis=1) & (gap[:, 0] < LABELLED_M)]
 
 

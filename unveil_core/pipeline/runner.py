@@ -35,14 +35,13 @@ from unveil_core.base.files import full_disk, is_out_of_gpu_memory, is_out_of_me
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.kernels.device import check_device, working_on
 from unveil_core.base.mechanisms import without
-from unveil_core.base.parallel import ThreadErrors
 from unveil_core.base.process_memory import (
     free_cycles,
     old_objects_set_aside,
     peak_memory_mb,
     return_free_memory,
 )
-from unveil_core.base.progress import stop_asked
+from unveil_core.base.progress import heeding
 from unveil_core.base.resume.parts import Parts
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
@@ -86,23 +85,25 @@ class _Stop(threading.Event):
     def heed(self, *_: object) -> None:
         """What a signal does."""
         self.set()
-        stop_asked.set()
         if self.at_once:
             raise Interrupted
 
 
 @contextmanager
 def _signals(flag: _Stop) -> Iterator[None]:
-    """SIGINT and SIGTERM (and Ctrl+Break on Windows) raise the flag; the next progress call ends the work."""
+    """SIGINT and SIGTERM (and Ctrl+Break on Windows) raise the flag; the next progress call ends the work.
+
+    They reach the main thread alone: a run in another one heeds what its caller does.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     heeded = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, n)]
     previous = {s: signal.signal(s, flag.heed) for s in heeded}
     try:
-        yield
+        with heeding(flag):
+            yield
     finally:
-        stop_asked.clear()
         for s, handler in previous.items():
             signal.signal(s, handler)
 
@@ -237,13 +238,8 @@ def run_block(
             partial = open_partial(workspace, stage.name, wanted)
         with workspace.lock(shared=True):
             attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
-            with ThreadErrors() as threads, working_on(settings.device) as used, attempt.mechanisms():
-                try:
-                    stage.run_block(attempt.context(partial), number)
-                finally:
-                    if threads.found:
-                        _drop(workspace, stage, partial)
-            threads.check()
+            with working_on(settings.device) as used, attempt.mechanisms():
+                stage.run_block(attempt.context(partial), number)
             for line in used.notes:
                 reporter(workspace.log(stage.name, line, level="notice"))
             if stop.is_set():
@@ -264,12 +260,6 @@ def _check_inputs(stage: Stage, workspace: Workspace) -> None:
             path=workspace.root,
             mend="run the stages before it, or `unveil run`",
         )
-
-
-def _drop(workspace: Workspace, stage: Stage, partial: Path) -> None:
-    """Remove all that is kept of a stage: it may be made of what a thread did not compute."""
-    shutil.rmtree(partial, ignore_errors=True)
-    shutil.rmtree(parts_of(workspace.root, stage.name), ignore_errors=True)
 
 
 def _check_nothing_changed(stage: Stage, workspace: Workspace, digests: Digests) -> None:
@@ -319,19 +309,15 @@ class _Attempt:
         if self.expected is not None:
             self.expected.clock.begin(stage.name)
         self.reporter(workspace.log(stage.name, "started"))
-        threads = ThreadErrors()
         try:
             self._load()
-            with threads, working_on(self.settings.device) as used, self.mechanisms():
+            with working_on(self.settings.device) as used, self.mechanisms():
                 facts = stage.run(self.context(partial))
-            threads.check()
             if self.stop.is_set():
                 raise Cancelled(stage.name)
             _check_nothing_changed(stage, workspace, digests)
         except BaseException as error:
             said = self._ended(error, partial, digests)
-            if threads.found:
-                _drop(workspace, stage, partial)
             if said is error:
                 raise
             raise said from error

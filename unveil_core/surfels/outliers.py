@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from unveil_core.base.parallel import thread_count
+from unveil_core.geometry.cloud import neighbours_of
 
 __all__ = ["lonely_points"]
 
@@ -48,13 +48,13 @@ def lonely_points(
     tree = cKDTree(positions)
     spacing, mean_distance, beside = np.empty(count), np.empty(count), np.empty(count)
     for part in _chunks(count):
-        distance = tree.query(positions[part], k=min(NEAREST, k) + 1, workers=thread_count())[0][:, 1:]
+        distance = neighbours_of(positions[part], tree, min(NEAREST, k) + 1)[0][:, 1:]
         spacing[part] = np.sqrt(np.mean(distance[:, :3] ** 2, axis=1))
         mean_distance[part] = distance.mean(axis=1)
     if count < LEAST_POINTS:
         return spacing, np.zeros(count, bool)
     for part in _chunks(count):
-        index = tree.query(positions[part], k=k + 1, workers=thread_count())[1][:, 1:]
+        index = neighbours_of(positions[part], tree, k + 1)[1][:, 1:]
         # The lower quartile: where strays are many, most neighbours of a stray are strays too.
         beside[part] = np.partition(mean_distance[index], k // 4, axis=1)[:, k // 4]
     usual = np.empty(count)

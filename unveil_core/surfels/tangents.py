@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from unveil_core.base.parallel import thread_count
-from unveil_core.geometry.cloud import quats_from_normals
+from unveil_core.geometry.cloud import neighbours_of, quats_from_normals
 
 __all__ = ["ASPECT", "tangent_frames"]
 
@@ -48,7 +47,7 @@ def tangent_frames(
     quats = quats_from_normals(normals)
     if k < ON_THE_LINE:
         return quats, np.ones((count, 2))
-    index = cKDTree(positions).query(positions, k=k + 1, workers=thread_count())[1][:, 1:]
+    index = neighbours_of(positions, cKDTree(positions), k + 1)[1][:, 1:]
     w, x, y, _ = quats.T
     first = np.stack([1 - 2 * y * y, 2 * x * y, -2 * w * y], axis=1)
     offset = positions[index] - positions[:, None]

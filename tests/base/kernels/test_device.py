@@ -20,16 +20,18 @@ from unveil_core.base.kernels.device import (
     gpu_problem,
     working_on,
 )
+from unveil_core.base.parallel import each, threads
 
 
-def test_the_processor_unless_it_is_said_otherwise_and_then_in_all_threads() -> None:
+def test_the_processor_unless_it_is_said_otherwise_and_then_in_all_threads_of_the_block() -> None:
     assert current_device() == CPU
-    found = []
-    with working_on(Device("meta")) as used:
-        thread = threading.Thread(target=lambda: found.append(current_device()))
-        thread.start()
-        thread.join()
-        assert found == [Device("meta")] == [used.device]
+    found: list[Device] = []
+    with working_on(Device("meta")) as used, threads(2):
+        host = threading.Thread(target=lambda: found.append(current_device()))
+        host.start()
+        host.join()
+        assert found == [CPU], "a thread of somebody else"
+        assert set(each(lambda _: current_device(), range(4))) == {Device("meta")} == {used.device}
         with working_on("cpu"):
             assert current_device() == CPU
         assert current_device() == Device("meta")

@@ -22,7 +22,8 @@ from unveil_core.base.errors import Interrupted, SettingsError
 from unveil_core.base.networks import session
 from unveil_core.base.networks.onnx_files import open_onnx
 from unveil_core.base.networks.session import Limits, NetworkProblem, OnnxSession, limits_of
-from unveil_core.base.progress import stop_asked
+from unveil_core.base.parallel import in_context
+from unveil_core.base.progress import heeding
 from unveil_core.labelling.segmenter import load_segmenter
 
 NOISE = {"image": np.random.default_rng(0).random((1, 3, 64, 64), np.float32)}
@@ -63,30 +64,27 @@ def test_its_process_goes_with_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("make", [endless, endless_scan], ids=lambda f: f.__name__)
 def test_a_loop_without_end_ends(make: Callable[[Path], Path], tmp_path: Path) -> None:
     before = children()
-    begun = time.monotonic()
-    opened = OnnxSession(make(tmp_path / "n.onnx"), Limits(30.0, 1 << 30))
+    opened = OnnxSession(make(tmp_path / "n.onnx"), Limits(300.0, 1 << 30))
     opened._limits = LITTLE
     with pytest.raises(NetworkProblem, match="takes more than 3 s"):
         opened.run(NOISE)
     with pytest.raises(NetworkProblem, match="has ended already"):
         opened.run(NOISE)
-    assert time.monotonic() - begun < 30 and children() == before
+    assert children() == before
 
 
 def test_what_asks_for_all_memory_ends(tmp_path: Path) -> None:
-    opened = OnnxSession(greedy(tmp_path / "n.onnx"), Limits(60.0, 1 << 30))
+    opened = OnnxSession(greedy(tmp_path / "n.onnx"), Limits(300.0, 1 << 30))
     with pytest.raises(NetworkProblem, match="takes more than 1,024 MB of memory"):
         opened.run(NOISE)
 
 
 def test_a_segmenter_without_end_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "TRIED_S", 3.0)
-    begun = time.monotonic()
     with pytest.raises(SettingsError, match=r"n\.onnx: does not take .*takes more than 3 s"):
         load_segmenter(endless(tmp_path / "n.onnx"))
     with pytest.raises(SettingsError, match=r"m\.onnx: .*takes more than [0-9,]+ (MB of memory|s)"):
         load_segmenter(greedy(tmp_path / "m.onnx"))
-    assert time.monotonic() - begun < 40
 
 
 def test_trial_and_work_have_limits_of_their_own(tmp_path: Path) -> None:
@@ -105,6 +103,7 @@ def test_a_stop_ends_a_network_at_work_in_any_thread(tmp_path: Path) -> None:
     opened.run(NOISE)
     opened.tried()
     raised: list[BaseException] = []
+    stop = threading.Event()
 
     def work() -> None:
         try:
@@ -112,16 +111,14 @@ def test_a_stop_ends_a_network_at_work_in_any_thread(tmp_path: Path) -> None:
         except BaseException as error:
             raised.append(error)
 
-    thread = threading.Thread(target=work)
+    with heeding(stop):
+        thread = threading.Thread(target=in_context(work))
     thread.start()
     thread.join(2)
     assert thread.is_alive()
-    stop_asked.set()
-    try:
-        thread.join(5)
-        assert not thread.is_alive() and isinstance(raised[0], Interrupted)
-    finally:
-        stop_asked.clear()
+    stop.set()
+    thread.join(60)
+    assert not thread.is_alive() and isinstance(raised[0], Interrupted)
 
 
 WAITS = """
@@ -148,8 +145,8 @@ def test_however_the_program_ends_the_network_does_too(number: str, tmp_path: Pa
     child = int(program.stdout.readline())
     time.sleep(1)
     os.kill(program.pid, getattr(signal, number))
-    program.wait(10)
-    until = time.monotonic() + 10
+    program.wait(60)
+    until = time.monotonic() + 60
     while psutil.pid_exists(child) and psutil.Process(child).status() != "zombie" and time.monotonic() < until:
         time.sleep(0.1)
     assert not psutil.pid_exists(child) or psutil.Process(child).status() == "zombie"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 from typing import Any
@@ -220,7 +223,11 @@ def test_the_first_size_of_a_jpeg_counts(decoder: list[bytes], tmp_path: Path) -
 
 
 def test_opencv_has_the_same_limit() -> None:
-    """The second net, set before it is imported."""
-    import os
-
-    assert int(os.environ["OPENCV_IO_MAX_IMAGE_PIXELS"]) == decoding.MOST_PIXELS
+    """The second net, which the command sets before it is imported."""
+    program = (
+        "import sys; sys.argv[1:] = ['--version']; from unveil_core.app.cli import main; main(); "
+        "import os; print('cv2' in sys.modules, os.environ['OPENCV_IO_MAX_IMAGE_PIXELS'], os.environ['OMP_WAIT_POLICY'])"
+    )
+    env = {k: v for k, v in os.environ.items() if k not in ("OPENCV_IO_MAX_IMAGE_PIXELS", "OMP_WAIT_POLICY")}
+    said = subprocess.run([sys.executable, "-c", program], env=env, capture_output=True, text=True, check=True).stdout
+    assert said.splitlines()[-1] == f"False {decoding.MOST_PIXELS} PASSIVE"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import time
 from pathlib import Path
 
 import numpy as np
@@ -101,15 +100,13 @@ def test_rows_are_counted_with_all_their_properties(tmp_path: Path) -> None:
 def test_empty_faces_by_the_million_are_refused_at_once_before_the_vertices_and_left_alone_behind(
     tmp_path: Path, way: str
 ) -> None:
-    """Each takes a byte, and microseconds to be read."""
+    """Each takes a byte, and microseconds to be read. Here they are nonsense, which only those who do not read them take."""
     faces, point = f"element face 3000000\n{FACES}", f"element vertex 1\n{XYZ}"
-    empty = b"0\n" * 3_000_000 if way == "ascii" else bytes(3_000_000)
+    empty = b"?\n" * 3_000_000 if way == "ascii" else b"\xff" * 3_000_000
     one = rows_of(way, "3f", [(1, 2, 3)])
-    begun = time.monotonic()
     with pytest.raises(DriveError, match="3,000,000 faces or other lists, of which .* save it without them"):
         read_points(ply(tmp_path / "before.ply", faces + point, empty + one, way))
     assert read_points(ply(tmp_path / "behind.ply", point + faces, one + empty, way)).positions.tolist() == [[1, 2, 3]]
-    assert time.monotonic() - begun < 1
 
 
 def test_a_mesh_is_read_for_its_points(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The working folder is not obeyed: not by numba, not by Python, not by the system's loader."""
+"""The command does not obey the working folder: not numba in it, not Python, not the system's loader of libraries."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import pytest
 
 pytest.importorskip("yaml", reason="numba reads its settings from a file with PyYAML alone")
 
+COMMAND = "import sys; sys.argv[1:] = ['--version']; from unveil_core.app.cli import main; main()"
+"""What the script ``unveil`` does; what comes after it in a program is imported into the command's process."""
 SETTINGS = "disable_jit: 1\nchrome_trace: ../written\n"
 
 
@@ -19,12 +21,16 @@ def python(folder: Path, *arguments: str, **environment: str) -> str:
     env = {k: v for k, v in os.environ.items() if k not in ("PYTHONSAFEPATH", "LD_LIBRARY_PATH")} | environment
     done = subprocess.run([sys.executable, *arguments], cwd=folder, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
+    return done.stdout.splitlines()[-1]
 
 
 @pytest.mark.parametrize(
     "first",
-    ["import unveil_core, numba", "import numba, unveil_core", "import yaml, unveil_core.base.kernels.compiled"],
+    [
+        f"{COMMAND}; import numba",
+        f"import numba; {COMMAND}",
+        f"import yaml; {COMMAND}; import unveil_core.base.kernels.compiled",
+    ],
 )
 def test_numba_takes_no_settings_from_the_working_folder(tmp_path: Path, first: str) -> None:
     (tmp_path / "here").mkdir()
@@ -41,23 +47,27 @@ def test_numba_takes_no_settings_from_the_working_folder(tmp_path: Path, first: 
 
 def test_settings_of_the_environment_are_the_users_own(tmp_path: Path) -> None:
     assert (
-        python(tmp_path, "-c", "import unveil_core, numba; print(numba.config.DISABLE_JIT)", NUMBA_DISABLE_JIT="1")
+        python(tmp_path, "-c", f"{COMMAND}; import numba; print(numba.config.DISABLE_JIT)", NUMBA_DISABLE_JIT="1")
         == "1"
     )
 
 
 @pytest.mark.parametrize("before", ["", "/opt/own"])
 def test_programs_that_are_started_later_load_no_library_from_the_working_folder(tmp_path: Path, before: str) -> None:
-    program = "import unveil_core, cv2, os; cv2.imread; print(os.environ.get('LD_LIBRARY_PATH'))"
     given = {"LD_LIBRARY_PATH": before} if before else {}
+    program = f"{COMMAND}; import cv2, os; cv2.imread; print(os.environ.get('LD_LIBRARY_PATH'))"
     assert python(tmp_path, "-c", program, **given) == (before or "None")
+    # Nor do those that the library starts for another program, whose own path of libraries is left as OpenCV makes it.
+    library = "import cv2; from unveil_core.base.surroundings.programs import environment"
+    program = f"{library}; print([f for f in environment().get('LD_LIBRARY_PATH', 'cv2').split(':') if 'cv2' not in f])"
+    assert python(tmp_path, "-c", program, **given) == str([before] if before else [])
 
 
 HERE = "raise SystemExit('imported from the working folder')"
 
 
 def test_what_lies_in_the_working_folder_is_not_imported(tmp_path: Path) -> None:
-    for name in ("typing", "json", "numpy", "numba", "unveil"):
+    for name in ("typing", "signal", "argparse", "json", "numpy", "numba", "unveil"):
         (tmp_path / f"{name}.py").write_text(HERE)
     done = subprocess.run(
         [sys.executable, "-m", "unveil_core", "status", "."], cwd=tmp_path, capture_output=True, text=True

@@ -24,20 +24,19 @@ def started(program: str) -> Start:
 
 def held(release: threading.Event, start: Start) -> Callable[[], Start]:
     def prepare() -> Start:
-        assert release.wait(20)
+        assert release.wait(120)
         return start
 
     return prepare
 
 
 def test_looking_does_not_hold_up_whoever_asks() -> None:
-    release = threading.Event()
-    begun = time.perf_counter()
+    release = threading.Event()  # for which the search waits: whoever waits for the search is never back
     job = AwaitedJob(held(release, started('print(\'{"stage": "mesh", "message": "fusing"}\')')), "Looking")
     state = job.drain()
-    assert time.perf_counter() - begun < 1 and state.running and state.message == "Looking" and job.pid == 0
+    assert state.running and state.message == "Looking" and job.pid == 0
     release.set()
-    assert job.wait(20) is state and state.status == "done"  # whoever holds the state sees all of it
+    assert job.wait(120) is state and state.status == "done"  # whoever holds the state sees all of it
     assert (state.stage, state.message) == ("mesh", "fusing") and job.pid > 0
 
 
@@ -56,7 +55,7 @@ def test_what_is_not_found_is_one_line(error: Exception) -> None:
     def prepare() -> Start:
         raise error
 
-    state = AwaitedJob(prepare, "Looking").wait(20)
+    state = AwaitedJob(prepare, "Looking").wait(120)
     assert (state.status, state.error, state.exit_code) == ("failed", "No Python was found", None)
 
 

@@ -24,12 +24,12 @@ class Disk:
 
     def read(self, root: Path, wanted: Mapping[str, object]) -> WorkspaceState:
         self.asked += 1
-        assert self.go.wait(10)
+        assert self.go.wait(120)
         return WorkspaceState(root, True, stages={"mesh": StageState("mesh", f"{self.state} {wanted['quality']}")})
 
 
 def wait(watch: StatesWatch) -> None:
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 120
     while watch.pending and time.monotonic() < deadline:
         time.sleep(0.005)
     assert not watch.pending
@@ -43,9 +43,8 @@ def state_of(found: WorkspaceState | None) -> str:
 def test_drawing_does_not_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk()
     watch = StatesWatch(disk.read)
-    started = time.monotonic()
     assert watch.latest(ROOT, {"quality": "draft"}) is None and watch.latest(ROOT, {"quality": "draft"}) is None
-    assert time.monotonic() - started < 0.5 and watch.pending and disk.asked == 1
+    assert watch.pending and disk.asked == 1
     disk.go.set()
     wait(watch)
     assert watch.changed and state_of(watch.latest(ROOT, {"quality": "draft"})) == "to do draft"

@@ -25,6 +25,8 @@ from unveil_core.app.cli import main
 
 ORDERS = "\x1b]52;c;cm0gLXJmIH4=\x07\x1b[2J\u202e"
 """Sets the clipboard, clears the screen, turns the direction of writing."""
+COMMAND = "import sys; sys.argv[1:] = ['--version']; from unveil_core.app.cli import main; main()"
+"""What the script ``unveil`` does; what comes after it in a program happens in the command's process."""
 STRANGER = "raise SystemExit('imported from the folder of a stranger')"
 
 
@@ -51,8 +53,8 @@ def test_settings_of_numba_beside_a_drive(drive: Path, tmp_path: Path) -> None:
     # The rest of a run compiles kernels; here one does.
     kernel = "f = njit(lambda x: x + 1); assert f(1) == 2 and f.signatures"
     kernel = f"from unveil_core.base.kernels.compiled import njit; {kernel}"
-    done = unveil(drive, python=("-c", f"import unveil_core.raster.cpu.forward; {kernel}"))
-    assert done.returncode == 0 and not done.stdout.strip(), done.stdout + done.stderr
+    done = unveil(drive, python=("-c", f"{COMMAND}; import unveil_core.raster.cpu.forward; {kernel}"))
+    assert done.returncode == 0 and done.stdout.count("\n") == 1, done.stdout + done.stderr
     assert not (tmp_path / "trace").exists() and not (drive / ".cache").exists()
 
 
@@ -67,7 +69,7 @@ def test_modules_beside_a_drive(drive: Path) -> None:
 def test_libraries_beside_a_drive(drive: Path) -> None:
     for name in ("libc.so.6", "libm.so.6", "libpthread.so.0"):
         (drive / name).write_bytes(b"no library")
-    program = "import unveil_core, cv2, subprocess; print(subprocess.run(['/bin/ls'], capture_output=True, text=True))"
+    program = f"{COMMAND}; import cv2, subprocess; print(subprocess.run(['/bin/ls'], capture_output=True, text=True))"
     done = unveil(drive, python=("-c", program))
     assert "returncode=0" in done.stdout and "libc.so.6: " not in done.stdout, done.stdout + done.stderr
 
@@ -93,7 +95,7 @@ def test_nobody_else_runs_code_in_a_batch(drive: Path, tmp_path: Path) -> None:
     with (tmp_path / "said").open("wb") as said:
         process = subprocess.Popen(command, stdout=said, stderr=said, stdin=subprocess.DEVNULL, start_new_session=True)
     try:
-        end = time.monotonic() + 60
+        end = time.monotonic() + 300
         while b"begun" not in (tmp_path / "said").read_bytes() and time.monotonic() < end and process.poll() is None:
             time.sleep(0.1)
         assert b"begun" in (tmp_path / "said").read_bytes()
@@ -106,7 +108,7 @@ def test_nobody_else_runs_code_in_a_batch(drive: Path, tmp_path: Path) -> None:
                 assert connection.recv(5) == b"HTTP/"
     finally:
         process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 130
+        assert process.wait(120) == 130
     assert not [p for p in family if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
 
 
@@ -209,7 +211,7 @@ def test_time_stamps_of_no_clock(drive: Path, tmp_path: Path, capsys: pytest.Cap
             ),
         )
         capsys.readouterr()
-        with pytest.raises(ValueError, match="is no imported drive"):
+        with pytest.raises(ValueError, match="Not an imported drive"):
             read_drive(tmp_path / "ws")
         assert main(["export", str(tmp_path / "ws"), "--to", "chan", "-o", str(tmp_path / "out")]) == 2
         assert capsys.readouterr().err.count("\n") == 1

@@ -11,6 +11,7 @@ import importlib.util
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -70,36 +71,40 @@ class DeviceInUse:
     notes: list[str] = field(default_factory=list)
 
 
-_in_use = DeviceInUse("cpu", CPU)
+_in_use: ContextVar[DeviceInUse | None] = ContextVar("in_use", default=None)
 
 
 def current_device() -> Device:
-    """The device of this process: the processor, unless :func:`working_on` says otherwise."""
-    if _in_use.device is None:
-        _in_use.device = chosen_device(_in_use.setting)
-    return _in_use.device
+    """The device of this run: the processor, unless :func:`working_on` says otherwise."""
+    used = _in_use.get()
+    if used is None:
+        return CPU
+    if used.device is None:
+        used.device = chosen_device(used.setting)
+    return used.device
 
 
 def note_of_device(line: str) -> None:
-    """Keep a line for :attr:`DeviceInUse.notes`, once."""
-    if line not in _in_use.notes:
-        _in_use.notes.append(line)
+    """Keep a line for :attr:`DeviceInUse.notes`, once; outside of its block nobody reads it."""
+    used = _in_use.get()
+    if used is not None and line not in used.notes:
+        used.notes.append(line)
 
 
 @contextmanager
 def working_on(device: Device | str) -> Iterator[DeviceInUse]:
-    """Render and train on a device within the block, in all threads.
+    """Render and train on a device within the block, in all threads that it starts (``parallel.in_context``), and in no others.
 
     Args:
         device: or a setting, see :func:`chosen_device`, which is looked into when something is rendered first: that takes torch,
             which takes a second to import, and not every stage needs it.
     """
-    global _in_use
-    before, _in_use = _in_use, DeviceInUse(device) if isinstance(device, str) else DeviceInUse(device.name, device)
+    used = DeviceInUse(device) if isinstance(device, str) else DeviceInUse(device.name, device)
+    before = _in_use.set(used)
     try:
-        yield _in_use
+        yield used
     finally:
-        _in_use = before
+        _in_use.reset(before)
 
 
 def gpu_problem() -> tuple[str, str] | None:

@@ -25,7 +25,9 @@ import psutil
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import Interrupted
+from unveil_core.base.parallel import in_context
 from unveil_core.base.progress import stop_asked
+from unveil_core.base.surroundings.programs import environment
 
 __all__ = ["Limits", "NetworkProblem", "OnnxSession", "OnnxValue", "limits_of"]
 
@@ -92,6 +94,7 @@ class OnnxSession:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            env=environment(),
         )
         self._end = weakref.finalize(self, _ended, self._process)
         about, _ = self._asked({"path": str(Path(path).absolute()), "threads": threads}, [])
@@ -126,7 +129,7 @@ class OnnxSession:
                 raise NetworkProblem("has ended already")
             answer: queue.SimpleQueue[Any] = queue.SimpleQueue()
             work = threading.Thread(
-                target=_exchange, args=(self._process, head, arrays, self._limits, answer), daemon=True
+                target=in_context(_exchange), args=(self._process, head, arrays, self._limits, answer), daemon=True
             )
             work.start()
             try:
@@ -150,7 +153,7 @@ class OnnxSession:
         begun, held = time.monotonic(), psutil.Process(self._process.pid)
         while work.is_alive():
             work.join(LOOKS_S)
-            if stop_asked.is_set():
+            if stop_asked():
                 raise Interrupted
             if time.monotonic() - begun > self._limits.seconds:
                 raise NetworkProblem(f"takes more than {self._limits.seconds:.0f} s")

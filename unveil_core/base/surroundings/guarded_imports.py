@@ -3,6 +3,9 @@
 numba takes the settings in ``.numba_config.yaml`` of the working folder, at import and at each compilation: they can write to any
 file, and make it load any pickle. OpenCV puts an empty entry into ``LD_LIBRARY_PATH``, which stands for the working folder: each
 program that is started later loads ``libc.so.6`` from there. Both are met where they are imported, whoever imports them first.
+
+That changes how the whole process imports, so it is for the command and for programs that it starts: a library leaves its host as
+it is.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # the command line starts at once
     from importlib.machinery import ModuleSpec
 
-__all__ = ["guard_imports", "leave_working_folder"]
+__all__ = ["own_this_process"]
 
 NUMBA_SETTINGS = "numba.core.config"
 _Guard = Callable[[ModuleType], AbstractContextManager[None]]
@@ -93,7 +96,7 @@ def _guard(loader: object, guard: _Guard) -> None:
     loader.exec_module = make_guarded  # type: ignore[attr-defined]
 
 
-def guard_imports() -> None:
+def _guard_imports() -> None:
     """Guard what is imported from now on. What numba has read before is taken back."""
     if not any(isinstance(finder, _Guarding) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Guarding())
@@ -103,9 +106,15 @@ def guard_imports() -> None:
         numba_config.reload_config()  # does nothing unless a file had said something
 
 
-def leave_working_folder() -> None:
-    """For the command: neither this process nor one that it starts imports from the working folder.
+def own_this_process() -> None:
+    """For the command, before it imports a library: what only the owner of a process may set, for it and what it starts.
 
-    ``python -m unveil_core`` has left it before (see ``unveil_core/__init__``); workers of a batch are started with ``python -c``.
+    Neither imports from the working folder: ``python -m unveil_core`` has left it before (see ``unveil_core/__main__``), and
+    workers of a batch are started with ``python -c``.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
+    # On a busy machine spinning OpenMP threads double the time of a training step. It has to be set before torch is imported.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    # The most pixels of a picture, beside base/pictures/decoding.py's own check. It has to be set before cv2 is imported.
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 28))
+    _guard_imports()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -108,13 +106,14 @@ def _completed(
     close = (beside >= 0) & (np.abs(beside - column) <= ASIDE_LIMIT * window)
     aside = far & close
     row, offset = np.where(aside | (along < 0), index, along), np.where(aside, beside, column)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # offsets that are known nowhere
-        of_offset = np.nanmedian(medians, axis=0), np.nanmedian(levels, axis=0)
+    somewhere = known.any(axis=0)
+    of_offset = np.full(medians.shape[1:], np.nan, np.float32), np.full(levels.shape[1:], np.nan, np.float32)
+    of_offset[0][somewhere] = np.nanmedian(medians[:, somewhere], axis=0)
+    of_offset[1][somewhere] = np.nanmedian(levels[:, somewhere], axis=0)
     distant = far & ~close & (along >= 0)
     medians = np.where(distant[..., None], of_offset[0][None], medians[row, offset]).astype(np.float32)
     levels = np.where(distant, of_offset[1][None], levels[row, offset]).astype(np.float32)
-    return _to_unknown_offsets(medians, levels, known.any(axis=0), beside=max(1, round(BROAD * window)))  # type: ignore[arg-type]
+    return _to_unknown_offsets(medians, levels, somewhere, beside=max(1, round(BROAD * window)))  # type: ignore[arg-type]
 
 
 def _to_unknown_offsets(

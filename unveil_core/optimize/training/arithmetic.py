@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -9,6 +10,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from unveil_core.base.errors import Interrupted
+from unveil_core.base.progress import stop_asked
 from unveil_core.optimize.training import losses, torch_losses
 from unveil_core.optimize.training.adam import adam_step
 from unveil_core.optimize.training.torch_adam import adam_step as torch_adam_step
@@ -69,13 +72,29 @@ def arithmetic_for(kernels: str, device: torch.device) -> Arithmetic:
     return FUSED if kernels == "fused" or (kernels == "auto" and device.type == "cpu") else TORCH
 
 
+_training = threading.RLock()
+LOOKS_S = 0.1
+"""Between looks whether a run that waits for another one's training is to end."""
+
+
 @contextmanager
 def torch_in_one_thread() -> Iterator[None]:
     """Keep torch from threads of its own: what it does between the kernels of a step takes less time than they take to wake, and
-    they would do it on processors that the kernels need."""
+    they would do it on processors that the kernels need.
+
+    How many there are is a matter of the process, half of it, and of the calling thread. So of several runs in one process one
+    trains at a time; the processors are the same for all of them.
+
+    Raises:
+        Interrupted: the run was to end while another one trained.
+    """
+    while not _training.acquire(timeout=LOOKS_S):
+        if stop_asked():
+            raise Interrupted
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         yield
     finally:
         torch.set_num_threads(before)
+        _training.release()

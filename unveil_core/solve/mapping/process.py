@@ -12,7 +12,9 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from unveil_core.base.errors import Interrupted, SettingsError, UnveilError
+from unveil_core.base.parallel import in_context
 from unveil_core.base.progress import Progress, no_progress, stop_asked
+from unveil_core.base.surroundings.programs import environment
 
 __all__ = ["SEED", "check_installed", "mapped"]
 
@@ -51,6 +53,7 @@ def mapped(request: dict[str, Any], progress: Progress = no_progress) -> dict[st
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
+        env=environment(),
         text=True,
         encoding="utf-8",
     )
@@ -66,12 +69,12 @@ def mapped(request: dict[str, Any], progress: Progress = no_progress) -> dict[st
     try:
         process.stdin.write(json.dumps({"seed": SEED, "threads": -1, **request}) + "\n")
         process.stdin.close()
-        threading.Thread(target=listen, daemon=True).start()
+        threading.Thread(target=in_context(listen), daemon=True).start()
         while True:
             try:
                 line = lines.get(timeout=LOOKS_S)
             except Empty:
-                if stop_asked.is_set():
+                if stop_asked():
                     raise Interrupted from None
                 continue
             told: dict[str, Any] = json.loads(line) if line else {"error": "it ended without an answer"}
