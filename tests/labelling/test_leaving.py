@@ -24,14 +24,16 @@ def masks(drive: Drive, frames: tuple[int, ...]) -> list[np.ndarray]:
     return [np.isin(labels[i].semantic, IDS) for i in frames]
 
 
-def assert_found(drive: Drive, usual: list[np.ndarray], frames: tuple[int, ...], number: int) -> None:
+def assert_found(
+    drive: Drive, usual: list[np.ndarray], frames: tuple[int, ...], number: int, least: float = 0.98
+) -> None:
     """The object is masked in these frames, and of the street no more than where nothing is wrong with the boxes, but for a rim."""
     for i, mask in zip(frames, masks(drive, frames), strict=True):
         true = truth(drive.frames[i])
         own, street = true == number, true == 0
         assert own.sum() > 300
         recall, spoilt = float(mask[own].mean()), int((mask & ~usual[i] & street).sum()) / int(own.sum())
-        assert recall >= 0.98, (i, recall)
+        assert recall >= least, (i, recall)
         assert spoilt < 0.05, (i, spoilt)
 
 
@@ -82,5 +84,6 @@ def test_a_box_that_ends_before_its_object_in_the_first_or_last_frame(
 
 def test_points_that_were_measured_beside_their_box_do_not_cut_it(tmp_path: Path, usual: list[np.ndarray]) -> None:
     """Boxes interpolated between key frames wander along the way: those of the sweeps lie ahead, those of the frames do not."""
-    drive = leaving(tmp_path, in_sweeps=changed(MOVING, tuple(range(COUNT)), moved=-0.4), sweeps=(1, 4))
-    assert_found(drive, usual, (5, 6, 7), MOVING)
+    drive = leaving(tmp_path, in_sweeps=changed(MOVING, tuple(range(COUNT)), moved=-0.45), sweeps=(1, 4))
+    # Where the end of the car lies is told by colours alone: a rim may be lost.
+    assert_found(drive, usual, (5, 6, 7), MOVING, 0.975)
