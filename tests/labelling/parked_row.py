@@ -14,9 +14,9 @@ from unveil_core.geometry.camera import Camera
 
 WIDTH, HEIGHT, FOCAL, FRAMES = 240, 136, 180.0, 3
 ROAD, SIDEWALK, BUILDING, POLE, SKY, PERSON, CAR = 0, 1, 2, 5, 10, 11, 13
-SOLIDS: tuple[
-    tuple[int, int, tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]], ...
-] = (
+Vector = tuple[float, float, float]
+Solids = tuple[tuple[int, int, Vector, Vector, Vector], ...]
+SOLIDS: Solids = (
     (1, CAR, (6.0, -3.6, 0.15), (10.2, -1.9, 1.5), (0.75, 0.12, 0.1)),
     (2, CAR, (11.4, -3.6, 0.15), (15.6, -1.9, 1.4), (0.85, 0.85, 0.85)),
     (3, CAR, (17.0, -3.6, 0.15), (21.0, -1.9, 1.6), (0.12, 0.15, 0.35)),
@@ -40,7 +40,9 @@ def camera_at(x: float) -> Camera:
     return Camera(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2, pose)
 
 
-def cast(origin: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def cast(
+    origin: np.ndarray, rays: np.ndarray, solids: Solids = SOLIDS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Distance along rays (N, 3), inf in the sky; class, id and colour."""
     best, kind = np.full(len(rays), np.inf), np.full(len(rays), SKY)
     owner, color = np.zeros(len(rays), int), np.tile([0.6, 0.75, 0.95], (len(rays), 1))
@@ -55,7 +57,7 @@ def cast(origin: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
             p = origin + np.where(np.isfinite(t), t, 0)[:, None] * rays
             hit = (t > 0) & (t < best) & (p[:, 2] >= 0) & (p[:, 2] < 5) & (p[:, 0] < 60)
             best[hit], kind[hit], color[hit] = t[hit], BUILDING, (0.55, 0.42, 0.3)
-        for number, name, low, high, shade in SOLIDS:
+        for number, name, low, high, shade in solids:
             a, b = (np.array(low) - origin) / rays, (np.array(high) - origin) / rays
             enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
             hit = (enter > 0) & (enter < leave) & (enter < best)
@@ -63,10 +65,10 @@ def cast(origin: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     return best, kind, owner, color
 
 
-def picture(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def picture(camera: Camera, solids: Solids = SOLIDS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Photograph (H, W, 3) uint8, classes and ids (H, W) that a camera sees."""
     rays = camera.rays().reshape(-1, 3)
-    t, kind, owner, color = cast(camera.centre, rays)
+    t, kind, owner, color = cast(camera.centre, rays, solids)
     place = camera.centre + np.where(np.isfinite(t), t, 0)[:, None] * rays
     grain = 0.03 * np.sin(11 * place[:, :1] + 5 * place[:, 1:2]) * np.cos(9 * place[:, 2:]) * np.isfinite(t)[:, None]
     shape = (HEIGHT, WIDTH)
@@ -74,22 +76,22 @@ def picture(camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return image, kind.reshape(shape).astype(np.uint8), owner.reshape(shape)
 
 
-def sweep_at(x: float, classes: bool) -> SweepPoints:
+def sweep_at(x: float, classes: bool, solids: Solids = SOLIDS) -> SweepPoints:
     """What a LiDAR over the camera measures: 48 rings, a ray each 0.35 degrees before it."""
     azimuth, elevation = np.radians(np.arange(-70, 70, 0.35)), np.radians(np.linspace(-22, 12, 48))
     a, e = (v.ravel() for v in np.meshgrid(azimuth, elevation))
     rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=1)
     origin = np.array([x, 0.0, 1.9])
-    t, kind, _, _ = cast(origin, rays)
+    t, kind, _, _ = cast(origin, rays, solids)
     hit = t < 60
     return SweepPoints(origin + t[hit, None] * rays[hit], kind[hit].astype(np.uint8) if classes else None)
 
 
-def boxes() -> tuple[TrackedBox, ...]:
+def boxes(solids: Solids = SOLIDS) -> tuple[TrackedBox, ...]:
     """Loose boxes of the objects."""
     names = {CAR: "car", PERSON: "person"}
     found = []
-    for number, kind, low, high, _ in SOLIDS:
+    for number, kind, low, high, _ in solids:
         if number:
             centre, size = (np.array(low) + high) / 2, np.array(high) - low + 2 * LOOSE_M
             found.append(TrackedBox(number, names[kind], tuple(centre.tolist()), tuple(size.tolist()), 0.0))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.geometry.similarity import Similarity
 
-__all__ = ["TrackedBox", "boxes_at", "has_moved", "read_boxes"]
+__all__ = ["TrackedBox", "between", "boxes_at", "has_moved", "read_boxes"]
 
 MEND = "a box is {id, class, centre: [x, y, z], size: [length, width, height], yaw}, metres and radians"
 
@@ -147,12 +147,16 @@ def boxes_at(time: float, stamps: Sequence[float], boxes: Sequence[Sequence[Trac
     nearest = boxes[k - 1] if share < 0.5 else boxes[k]
     earlier = {b.id: b for b in boxes[k - 1]}
     return tuple(
-        _between(earlier[b.id], later[b.id], share) if b.id in earlier and b.id in later else b for b in nearest
+        between(earlier[b.id], later[b.id], share) if b.id in earlier and b.id in later else b for b in nearest
     )
 
 
-def _between(a: TrackedBox, b: TrackedBox, share: float) -> TrackedBox:
-    """In plain numbers: datasets ask for hundreds of thousands of boxes, for which small arrays are slow."""
+def between(a: TrackedBox, b: TrackedBox, share: float) -> TrackedBox:
+    """The box of an object at a share of the time from one box to another; before the first where it is negative, after the second
+    where it is over 1.
+
+    In plain numbers: datasets ask for hundreds of thousands of boxes, for which small arrays are slow.
+    """
     turn = (b.yaw - a.yaw + math.pi) % (2 * math.pi) - math.pi
     rest = 1 - share
     (x0, y0, z0), (x1, y1, z1) = a.centre, b.centre

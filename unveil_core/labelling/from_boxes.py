@@ -18,6 +18,7 @@ from unveil_core.labelling.outlines import outlined
 from unveil_core.labelling.silhouettes import silhouettes
 from unveil_core.labelling.street_classes import street_classes, view_street
 from unveil_core.labelling.street_points import StreetPoints, street_points
+from unveil_core.labelling.tracks import continued, put_in_line
 from unveil_core.semantics.classes import CITYSCAPES
 
 __all__ = ["label_frame", "label_frames"]
@@ -42,9 +43,14 @@ def label_frames(drive: Drive, progress: Progress = no_progress) -> Sequence[Fra
                     path=drive.root,
                     mend="use Cityscapes names, as car or person",
                 )
+    drive = put_in_line(drive)
     street = street_points(drive)
     objects, strays = gather_objects(drive, None if street.ground is None else street.ground.over, progress)
-    frames = drive.frames
+    whole = continued(drive, objects)
+    if whole is not drive:
+        # Points without classes in the boxes that were found missing are no part of the street.
+        street = street_points(whole)
+    frames = whole.frames
     return Frames(len(frames), lambda i: label_frame(frames[i], street, objects, strays))
 
 

@@ -13,7 +13,7 @@ from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Frame
 from unveil_core.geometry.images import disc, within
-from unveil_core.labelling.object_points import Stray
+from unveil_core.labelling.object_points import LABELLED_MARGIN_M, Stray, in_boxes
 from unveil_core.labelling.silhouettes import Silhouette
 from unveil_core.semantics.classes import SLIM_CLASSES
 
@@ -44,14 +44,17 @@ def strays_in_view(strays: Sequence[Stray], frame: Frame, before: Float32) -> ND
     if not now:
         return label
     nearest = min(now, key=lambda s: abs((s.time or 0.0) - (frame.timestamp or 0.0)))
-    pixels, depth = camera.project(nearest.positions)
+    # Points of objects that the frame has boxes of are shown by their outlines.
+    free = in_boxes(nearest.positions, frame.boxes, LABELLED_MARGIN_M) < 0
+    classes = nearest.classes[free]
+    pixels, depth = camera.project(nearest.positions[free])
     shown = np.flatnonzero(camera.in_picture(pixels, depth, nearest=NEAR_M))
     column, row = pixels[shown].astype(np.int64).T
     shown = shown[depth[shown] < cv2.erode(before, disc(2))[row, column] + BEHIND_M]
     for i in shown[np.argsort(-depth[shown], kind="stable")]:
         radius = max(1, round(HALF_M * camera.fx / depth[i]))
         place = (int(pixels[i, 0]), int(pixels[i, 1]))
-        cv2.circle(label, place, radius, int(nearest.classes[i]), cv2.FILLED)
+        cv2.circle(label, place, radius, int(classes[i]), cv2.FILLED)
     return label
 
 

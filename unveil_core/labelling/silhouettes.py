@@ -31,6 +31,8 @@ WANTED_POINTS = 3000
 """Points of an object that are looked at: those measured nearest in time."""
 TINY_PX = 12
 """Boxes less high than this, pixels, are taken whole: no outline can be found in so few."""
+EXTREMES = (0.3, 99.7)
+"""Percentiles of an object's points that count as its ends: single points are wrong."""
 SEEN_FACE = 0.25
 """A face of a box was seen if points lie no farther inside of it than this share of its size; then it is drawn in to them."""
 CORES: dict[bool, tuple[tuple[tuple[float, float], tuple[float, float], tuple[float, float]], ...]] = {
@@ -112,14 +114,44 @@ def drawn_in(box: TrackedBox, local: Float64) -> TrackedBox:
     """The box with the faces that its points (P, 3), in its own axes, show to be loose drawn in to them."""
     if len(local) < MANY_POINTS:
         return box
+    return _of_faces(box, *_drawn_faces(box, local))
+
+
+def _drawn_faces(box: TrackedBox, local: Float64) -> tuple[Float64, Float64]:
+    """(3,) the lower and the upper face of :func:`drawn_in`, metres in the box's own axes."""
     half = np.asarray(box.size) / 2
-    low, high = np.percentile(local, [0.3, 99.7], axis=0)
+    low, high = np.percentile(local, EXTREMES, axis=0)
     low = np.where(low + half < SEEN_FACE * 2 * half, np.maximum(low - 0.03, -half), -half)
-    high = np.where(half - high < SEEN_FACE * 2 * half, np.minimum(high + 0.03, half), half)
-    centre = from_own_axes(box, ((low + high) / 2)[None])[0]
-    x, y, z = (float(v) for v in centre)
+    return low, np.where(half - high < SEEN_FACE * 2 * half, np.minimum(high + 0.03, half), half)
+
+
+def _of_faces(box: TrackedBox, low: Float64, high: Float64) -> TrackedBox:
+    """A box between faces (3,) in the own axes of another."""
+    x, y, z = (float(v) for v in from_own_axes(box, ((low + high) / 2)[None])[0])
     length, width, height = (float(v) for v in high - low)
     return replace(box, centre=(x, y, z), size=(length, width, height))
+
+
+def _sticking_out(box: TrackedBox, local: Float64) -> tuple[Float64, Float64]:
+    """(3,) how far points (P, 3) stick out of the lower and the upper face of their box, level, metres."""
+    low, high = np.percentile(local, EXTREMES, axis=0)
+    half, level = np.asarray(box.size) / 2, np.array([1, 1, 0])
+    return np.maximum(-half - low, 0) * level, np.maximum(high - half, 0) * level
+
+
+def _wide(box: TrackedBox, local: Float64) -> TrackedBox:
+    """The box that surely holds an object of points (P, 3).
+
+    Where they stick out the box is too short, or displaced against them: annotations between key frames are interpolated. Then
+    the object ends as much farther behind the points as they stick out before it.
+    """
+    if len(local) < MANY_POINTS:
+        return box
+    half = np.asarray(box.size) / 2
+    (low, high), (before, beyond) = _drawn_faces(box, local), _sticking_out(box, local)
+    low = np.where(before > 0, -half - before, np.maximum(low - beyond, -half))
+    high = np.where(beyond > 0, half + beyond, np.minimum(high + before, half))
+    return _of_faces(box, low, high)
 
 
 def silhouettes(frame: Frame, objects: Mapping[int, ObjectPoints]) -> list[Silhouette]:
@@ -136,8 +168,8 @@ def silhouettes(frame: Frame, objects: Mapping[int, ObjectPoints]) -> list[Silho
 
 
 def _silhouette(box: TrackedBox, local: Float64, camera: Camera) -> Silhouette | None:
-    tight = drawn_in(box, local)
-    outline = _outline(tight.corners(), camera)
+    tight, wide = drawn_in(box, local), _wide(box, local)
+    outline = _outline(wide.corners(), camera)
     if outline is None:
         return None
     inside = np.clip(outline, 0, (camera.width, camera.height))
@@ -173,7 +205,8 @@ def _silhouette(box: TrackedBox, local: Float64, camera: Camera) -> Silhouette |
     if len(pixel) >= MANY_POINTS:
         feet = _feet(places[ok], local[ok], box, tight)
         # Vehicles and people are nearly convex: what lies beyond the convex hull of their points is not theirs.
-        spread = np.concatenate([pixel, camera.project(feet)[0] - (x0, y0)]) if len(feet) else pixel
+        more, ahead = camera.project(np.concatenate([feet, *_displaced(box, local, ok)]))
+        spread = np.concatenate([pixel, more[ahead > NEAR_M] - (x0, y0)])
         convex = _filled(cv2.convexHull(spread.astype(np.float32)).reshape(-1, 2) + (x0, y0), window) | likely
         grown &= within(convex, 1.5 + 0.01 * size + _apart(hull, len(pixel)))
         core &= convex if len(feet) else likely
@@ -190,6 +223,13 @@ def _feet(places: Float64, local: Float64, box: TrackedBox, tight: TrackedBox) -
     feet = places.copy()
     feet[:, 2] = tight.centre[2] - tight.size[2] / 2
     return feet
+
+
+def _displaced(box: TrackedBox, local: Float64, seen: Mask) -> list[Float64]:
+    """Where those of an object's points (P, 3) that are ``seen`` (P,) would be if its box was displaced by as much as they stick
+    out of it: (D, 3) for each way that they do."""
+    before, beyond = _sticking_out(box, local)
+    return [from_own_axes(box, local[seen] + shift) for shift in (before, -beyond) if shift.any()]
 
 
 def _nearest(box: TrackedBox, camera: Camera) -> float:
