@@ -80,7 +80,9 @@ _LISTED = (
         "object_boxes", "remove", ("remove.selection:_is_one", "remove.selection:_hangs"),
         "what lies in an object's box and off the ground goes with it, whatever its label",
     ),
-    Mechanism("border_surfels", "remove", (), "surfels that touch removed ones go, too"),
+    Mechanism(
+        "border_surfels", "remove", ("remove.selection:_with_border",), "surfels that touch removed ones go, too",
+    ),
     Mechanism(
         "loose_ends", "remove", ("remove.unsupported",), "without classes, what no masked frame backs goes with an object",
     ),

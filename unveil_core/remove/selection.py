@@ -87,8 +87,12 @@ def select_removed(
             above = -MARGIN_M if _hangs(box, means[near], axes) else MARGIN_M
             inside = near[box.contains(means[near], axes, margin=MARGIN_M, above=above)]
             chosen[inside if ground is None else inside[~ground[inside]]] = True
-    close = near_removed(surfels, chosen, too_close) if on("border_surfels") else False
-    return Selection(chosen | close, not_one)
+    return Selection(_with_border(surfels, chosen, too_close) if on("border_surfels") else chosen, not_one)
+
+
+def _with_border(surfels: Surfels, chosen: NDArray[np.bool_], too_close: float) -> NDArray[np.bool_]:
+    """(N,) the chosen surfels, and those that touch one: of what labels cut a little too small, no rim stays."""
+    return chosen | near_removed(surfels, chosen, too_close)
 
 
 def _is_one(box: Box, points: NDArray[np.float64], axes: NDArray[np.float64]) -> bool:
