@@ -8,7 +8,7 @@ A street is run once with everything on, up to its frames. For each case a copy 
 made again. In benchmarks/results/special_cases.json, for each seed: figures of the removed region with everything on (``all_on``),
 and by case what they are without it, with ``change``, without minus with: a case that pays has a negative change of ``psnr`` and
 ``line_recall``. The change of ``seconds`` is of the stages from the case's first one up to the frames. ``means`` has the mean
-change by case, and on how many streets it changed anything: none for a case that these streets, which have a LiDAR, do not call for.
+change by case, and on how many streets it changed anything: none where these streets, which have a LiDAR, do not call for it.
 Held-out seeds are refused. ``--list`` names all mechanisms with the lines of code that go with each, most first.
 """
 

@@ -174,7 +174,8 @@ def carried_over(
         return street
     part, places = _places(given, own, wanted)
     base = street[part].astype(np.float32)
-    scene, errs = places.in_this_light(rendered[part].astype(np.float32), np.ones_like(places.wanted)), UNKNOWN
+    scene = places.in_this_light(rendered[part].astype(np.float32), np.ones_like(places.wanted))
+    errs = np.full(places.wanted.shape, UNKNOWN)
     if scene is not None:
         base = np.where((optimized[part] & np.isfinite(scene.error))[..., None], scene.picture, base)
         errs = scene.error
@@ -258,7 +259,7 @@ def _sampled(levels: Sequence[Float32], pixels: Float64, finer: Float32) -> Floa
     return found
 
 
-def _mixed(base: Float32, errs: Float32 | np.float32, photographs: Sequence[_Layer], places: _Places) -> Float32:
+def _mixed(base: Float32, errs: Float32, photographs: Sequence[_Layer], places: _Places) -> Float32:
     """(h, w, 3) at each pixel what errs least, with soft seams.
 
     Args:
