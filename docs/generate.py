@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from docs.tables import real, robust, runs, scenes, streets  # noqa: E402
+from docs.tables.read import dated  # noqa: E402
 
 PACKAGE = "unveil_core"
 COMMAND = "python docs/generate.py"
@@ -303,7 +304,7 @@ def generated(page: str) -> str:
         _, ended, after = rest.partition("<!-- end -->")
         if not found or not ended:
             raise ValueError(f"docs/{page} has no {begin} with <!-- end --> after it")
-        text = f"{before}{begin}\n\n{make()}\n\n<!-- end -->{after}"
+        text = f"{before}{begin}\n\n{dated(make)}\n\n<!-- end -->{after}"
     return text
 
 

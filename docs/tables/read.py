@@ -3,20 +3,51 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-__all__ = ["both", "db", "mean_se", "percent", "results", "seconds", "table"]
+__all__ = ["both", "dated", "db", "mean_se", "percent", "results", "seconds", "table"]
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
+STATE = "state"
+"""File that has the commit of the present program: what was measured of another one is *earlier*."""
+OF_PACKAGES = {"install"}
+"""Files with figures of other packages alone."""
+_asked: list[str] = []
+
+
+def results(name: str) -> Any:
+    """What a file of benchmarks/results/ holds; ``name`` is its stem."""
+    _asked.append(name)
+    return _read(name)
 
 
 @cache
-def results(name: str) -> Any:
-    """What a file of benchmarks/results/ holds; ``name`` is its stem."""
+def _read(name: str) -> Any:
     return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def dated(make: Callable[[], str]) -> str:
+    """A table, or a text, with the word *earlier* in each row where a file that it was made of is of an earlier program."""
+    _asked.clear()
+    text = make()
+    present = _read(STATE)["commit"]
+    if all(_commit(name) == present for name in set(_asked) - OF_PACKAGES):
+        return text
+    lines = text.splitlines()
+    if not any(line.startswith("|") for line in lines):
+        return f"Earlier program: {text[:1].lower()}{text[1:]}"
+    ends = iter(["program", "---"])
+    return "\n".join(f"{line} {next(ends, 'earlier')} |" if line.startswith("|") else line for line in lines)
+
+
+def _commit(name: str) -> str | None:
+    """Of the program that a file's figures were taken of; None where it does not say."""
+    found = _read(name)
+    machine = found.get("machine") if isinstance(found, dict) else None
+    return machine.get("commit") if isinstance(machine, dict) else None
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

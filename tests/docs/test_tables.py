@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from docs.generate import PARTS, ROOT
-from docs.tables.read import both, mean_se, percent, results, seconds, table
+from docs.tables.read import both, dated, mean_se, percent, results, seconds, table
 from docs.tables.streets import ranges
 
 MEASURED = [
@@ -32,6 +32,15 @@ def test_tables_are_whole(make: Callable[[], str]) -> None:
     assert text and not re.search(r"\b(nan|inf|None)\b", text)
     lines = [line for line in text.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in lines}) <= 1
+
+
+def test_rows_of_earlier_programs_say_so() -> None:
+    def made(name: str) -> Callable[[], str]:
+        return lambda: table(("a",), [(name if results(name) else "",)])
+
+    assert dated(made("hard_cases")) == "| a | program |\n| --- | --- |\n| hard_cases | earlier |"
+    assert dated(made("install")) == table(("a",), [("install",)])  # of packages alone
+    assert dated(lambda: "No figure.") == "No figure."
 
 
 def test_what_is_said_of_held_out_streets_is_counted() -> None:
