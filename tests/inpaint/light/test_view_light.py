@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tests.inpaint.chart.test_chart import painted_street
-from unveil_core.base.srgb import linear_of_srgb, relight, srgb_of_linear
+from unveil_core.base.srgb import linear_of_srgb, srgb_of_linear
 from unveil_core.base.types import Picture
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.looks import read_looks
 from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart, read_chart, rows_of
-from unveil_core.inpaint.light.view_light import ViewLight, light_by_view, light_of, unlit
+from unveil_core.inpaint.light.view_light import ViewLight, light_by_view, light_of, lit, unlit
 
 SIZE = (216, 144)
 
@@ -93,7 +93,7 @@ def test_the_chart_no_longer_shows_where_it_was_seen(street, dark: list[Picture]
 def test_a_frame_gets_its_light_back(dark: list[Picture], light: ViewLight) -> None:
     field, image = light.fields[0], dark[0]
     clear = (image.max(axis=2) < 200) & (image.min(axis=2) > 20)
-    back = relight(unlit(image, field)[clear] / 255, np.exp(field.plane()[clear]))
+    back = lit(unlit(image, field)[clear] / 255, field.plane()[clear])
     assert np.abs(back * 255 - image[clear]).max() < 1
 
 

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import EXACT
-from unveil_core.base.srgb import relight
 from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.fields.picture_field import PictureField
 from unveil_core.geometry.images import border_px
 from unveil_core.inpaint.chart.sampling import blur_levels, sample_levels
 from unveil_core.inpaint.chart.street_chart import OUTSIDE, RELIT_GAIN, StreetChart
+from unveil_core.inpaint.light.view_light import lit
 
 __all__ = ["GroundLayer", "GroundPixels"]
 
@@ -147,7 +147,7 @@ class GroundLayer:
             width = across / self.chart.texel
             color[hit] = sample_levels(self._colors, place, footprint, width)
             if light is not None:
-                color[hit] = relight(np.maximum(color[hit], 0), np.exp(light.plane()[wanted][hit]))
+                color[hit] = lit(np.maximum(color[hit], 0), light.plane()[wanted][hit])
             gain[hit] = sample_levels(self._gains, place, footprint, width)
             row, column, on_chart = self.chart.index_of(street[hit])
             source[hit] = np.where(on_chart, self.chart.source[row, column], OUTSIDE)

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.base.srgb import light_certainty, relight
+from unveil_core.base.srgb import light_certainty
 from unveil_core.base.types import Float32, Levels, Mask
 from unveil_core.geometry.fields.pull_push import pull_push
 from unveil_core.geometry.fields.robust import held_near_median
 from unveil_core.geometry.images import area_px, scale_from_384
-from unveil_core.inpaint.light.view_light import light_of
+from unveil_core.inpaint.light.view_light import light_of, lit
 
 __all__ = ["in_local_light"]
 
@@ -48,5 +48,5 @@ def in_local_light(photograph: Levels, chart: Float32, known: Mask, plain: Mask)
     levels = max(0, round(float(np.log2(SMOOTH_PX * scale_from_384(plain.shape[1])))))
     factor = pull_push(factor, weight / weight.max(), levels)
     result = chart.copy()
-    result[known] = relight(np.maximum(chart[known], 0), np.exp(factor[known]))
+    result[known] = lit(np.maximum(chart[known], 0), factor[known])
     return result

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.mechanisms import on
-from unveil_core.base.srgb import relight
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import INVENTED, RELIT_GAIN, StreetChart
 from unveil_core.inpaint.chart.surface import surfels_on
 from unveil_core.inpaint.frames.long_surfels import longest_in_view, together
+from unveil_core.inpaint.light.view_light import lit
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["displaced_by", "ground_relit", "new_ground", "seed_ground", "texels_in_pixels"]
@@ -92,7 +92,7 @@ def seed_ground(
     smooth = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[middles]
     below = np.cumsum(np.pad(smooth, ((1, 0), (0, 0), (0, 0))), axis=0, dtype=np.float64)
     colors = ((below[row + count, column] - below[row, column]) / count[:, None]).astype(np.float32)
-    colors = colors if level == 0 else relight(np.maximum(colors, 0), np.exp(level))
+    colors = colors if level == 0 else lit(np.maximum(colors, 0), np.full(3, level, np.float32))
     label = chart.label[middles][row + count // 2, column].astype(np.int64)
     label = np.where(label >= 0, label, default_label)
     size = step * chart.texel * np.stack([count, np.ones_like(count)], axis=1)

@@ -16,12 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from unveil_core.base.srgb import HALF_LEVEL, light_certainty, linear_of_srgb, relight, srgb_of_linear
+from unveil_core.base.srgb import linear_of_srgb, srgb_of_linear
 from unveil_core.base.types import Float32, Float64, Labels, Levels
 from unveil_core.geometry.fields.picture_field import PictureField, fit_fields
 
-__all__ = ["GroundLooks", "ViewLight", "light_by_view", "light_of", "unlit"]
+__all__ = ["GroundLooks", "ViewLight", "light_by_view", "light_of", "lit", "unlit"]
 
+FLOOR = 0.003
+"""Linear light that is added before the logarithm is taken: a level of 8-bit sRGB at its dark end, where noise is."""
 NEAR_M = 8.0
 """Distance at which a look weighs half of one from right above, metres: farther off, pixels mix what lies along the street."""
 HELD_OUT = 4
@@ -32,7 +34,7 @@ BRIGHTEST, BRIGHT_SHARE = 235 / 255, 99.5
 """sRGB that this share of the ground, per cent, stays below in the chart: so there is room to fill in white paint."""
 LEAST_CELLS = 8
 """Cells of ground seen from several places, fewer than which tell nothing."""
-_LIGHT = np.log(linear_of_srgb(np.maximum(np.arange(256) / 255, HALF_LEVEL))).astype(np.float32)
+_LIGHT = np.log(linear_of_srgb(np.arange(256) / 255) + FLOOR).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +81,22 @@ def light_of(picture: Levels) -> Float32:
     """(…, 3) logarithm of the linear light of sRGB, levels of 255."""
     if picture.dtype == np.uint8:
         return _LIGHT[picture]
-    light = linear_of_srgb(np.maximum(picture / np.float32(255), HALF_LEVEL))
+    light = linear_of_srgb(np.maximum(picture, 0) / 255) + FLOOR
     return np.log(light).astype(np.float32)  # type: ignore[no-any-return]
 
 
 def unlit(picture: Levels, field: PictureField) -> Float32:
     """A picture (H, W, 3) without the factor of its camera, levels of 255, not rounded."""
-    return 255 * relight(np.maximum(picture, 0) / np.float32(255), np.exp(-field.plane()))
+    light = np.exp(light_of(picture) - field.plane()) - FLOOR
+    found: Float32 = (255 * srgb_of_linear(np.maximum(light, 0))).astype(np.float32)
+    return found
+
+
+def lit(colors: Float32, factor: Float32) -> Float32:
+    """Colours (N, 3), white 1, with a factor (N, 3), or (3,), which is a logarithm."""
+    light = (linear_of_srgb(colors) + FLOOR) * np.exp(factor) - FLOOR
+    found: Float32 = srgb_of_linear(np.maximum(light, 0)).astype(np.float32)
+    return found
 
 
 def light_by_view(looks: GroundLooks, sizes: Sequence[tuple[int, int]]) -> ViewLight | None:
@@ -94,15 +105,13 @@ def light_by_view(looks: GroundLooks, sizes: Sequence[tuple[int, int]]) -> ViewL
     Args:
         sizes: width and height of the pictures of each camera.
     """
-    certainty = light_certainty(srgb_of_linear(np.exp(looks.seen))).min(axis=1)
-    told = certainty > 0
-    number, place = np.unique(looks.place, return_inverse=True)
-    often = told & (np.bincount(place[told], minlength=len(number))[place] > 1)
+    _, place, count = np.unique(looks.place, return_inverse=True, return_counts=True)
+    often = count[place] > 1
     if not often.any():
         return None
     camera, pixels, seen, depth = looks.camera[often], looks.pixels[often], looks.seen[often], looks.depth[often]
     place, cell = (np.unique(a[often], return_inverse=True)[1] for a in (looks.place, looks.cell))
-    weight = certainty[often] / (1 + np.square(depth / NEAR_M))
+    weight = 1 / (1 + np.square(depth / NEAR_M))
     start = [PictureField.flat(size, float(min(pixels[camera == k, 1], default=0.0))) for k, size in enumerate(sizes)]
 
     def fit(some: np.ndarray) -> list[PictureField]:
@@ -126,7 +135,7 @@ def light_by_view(looks: GroundLooks, sizes: Sequence[tuple[int, int]]) -> ViewL
     nearest = nearest[np.concatenate([[True], np.diff(place[nearest]) > 0])]
     base = np.median(factor[nearest], axis=0)
     bright = np.percentile((seen - factor)[nearest] + base, BRIGHT_SHARE)
-    level = max(0.0, float(bright - np.log(linear_of_srgb(np.array(BRIGHTEST)))))
+    level = max(0.0, float(bright - np.log(linear_of_srgb(np.array(BRIGHTEST)) + FLOOR)))
     fields = [PictureField(f.values - base + level, f.size, f.top) for f in fields]
     return ViewLight(tuple(fields), level, float(errors[0].mean()), float(errors[1].mean()))
 
