@@ -252,7 +252,11 @@ def main() -> None:
         "ceilings": {name: CEILINGS[kind] for name, kind in KINDS.items()},
         "models": {name: models[kind] for name, kind in KINDS.items()},
         "certain": certain,
-        "mean": {**{n: _mean(g, certain) for n, g in groups.items()}, "checked": _mean(predicted, certain)},
+        "mean": {
+            "not_fitted_on": _mean(by_others, certain),
+            **{n: _mean(g, certain) for n, g in groups.items()},
+            "checked": _mean(predicted, certain),
+        },
         "not_fitted_on": {s.name: reliability(p, r, certain) for s, (p, r) in zip(samples, by_others, strict=True)},
         "checked": {
             s.name: reliability(levels, right, certain) for s, (levels, right) in zip(checks, predicted, strict=True)

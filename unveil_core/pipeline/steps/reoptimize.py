@@ -83,7 +83,7 @@ def run(context: StageContext) -> None:
         optimized = optimized_pixels(removed, moving.pixels(frame), bare)
         street = np.where(optimized[..., None], in_the_light_of(picture, clean[i], optimized), clean[i])
         elsewhere = removed & (looks.origins[i] == SEEN_ELSEWHERE)
-        street = carried_over(photographs, i, street, picture, elsewhere, optimized)
+        street = carried_over(photographs, i, street, picture, elsewhere)
         composed = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
         delivered = as_bytes(composed) if photograph.dtype == np.uint8 else as_words(composed)
         write_image_atomic(finished, delivered if corrections is None else corrections.work_size(i, delivered))
