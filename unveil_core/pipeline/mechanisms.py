@@ -102,7 +102,7 @@ _LISTED = (
         "how bright the ground looks by the place in the picture is calibrated, and taken from the chart",
     ),
     Mechanism(
-        "robust_chart", "inpaint", ("inpaint.chart.nearest_looks", "inpaint.chart.texels:Texels.around"),
+        "robust_chart", "inpaint", ("inpaint.chart.texels:NearestLooks", "inpaint.chart.texels:Texels.around"),
         "the chart is read twice, so that looks that differ from most of the nearest count for nothing",
     ),
     Mechanism(

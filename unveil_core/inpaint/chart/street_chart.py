@@ -21,9 +21,8 @@ from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, sample_at
 from unveil_core.ground.street import Ground
-from unveil_core.inpaint.chart.nearest_looks import NearestLooks
 from unveil_core.inpaint.chart.surface import shown_places
-from unveil_core.inpaint.chart.texels import Texels
+from unveil_core.inpaint.chart.texels import NearestLooks, Texels
 from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
 
 __all__ = [
