@@ -15,7 +15,7 @@ removed objects that this frame's own photograph shows as well:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -120,17 +120,19 @@ class _Places:
         """Whether so many pixels of the ring tell anything."""
         return int(mask.sum()) >= area_px(self.asked.shape, LEAST_RING_PX)
 
-    def in_this_light(self, picture: Float32, shown: Mask) -> _Layer | None:
-        """A picture (h, w, 3) that shows the places ``shown`` (h, w), in this frame's light; None where no ring tells that."""
-        lit, error = np.zeros_like(picture), np.full(shown.shape, UNKNOWN)
+    def told(self, shown: Mask) -> Iterator[tuple[Mask, Mask]]:
+        """The surfaces of which a picture shows wanted places and enough of the ring to judge it by.
+
+        Args:
+            shown: (h, w) pixels that it shows.
+        Returns:
+            of each the pixels (h, w), and those of them on the ring.
+        """
         for surface in self.surfaces:
             mask = shown & surface
             ring = mask & self.ring
             if self.enough(ring) and (mask & self.wanted).any():
-                left = self.photograph - picture
-                lit[mask] = (picture + self.light(left, ring))[mask]
-                error[mask] = self.error(left, ring)[mask]
-        return _Layer(lit, error) if np.isfinite(error).any() else None
+                yield mask, ring
 
     def light(self, left: Float32, ring: Mask) -> Float32:
         """(h, w, 3) differences on the ring (h, w), carried smoothly everywhere, and held near their median where the two show
@@ -162,7 +164,7 @@ class _Places:
 
 
 def carried_over(given: Photographs, own: int, street: Levels, rendered: Levels, wanted: Mask) -> Levels:
-    """The empty street in a frame, of what other photographs and the scene show that which errs least.
+    """The empty street in a frame, with what other photographs show better than the scene.
 
     Args:
         own: the frame's number.
@@ -177,17 +179,18 @@ def carried_over(given: Photographs, own: int, street: Levels, rendered: Levels,
         return street
     part, places = _places(given, own, wanted)
     base = street[part].astype(np.float32)
-    scene = places.in_this_light(rendered[part].astype(np.float32), np.ones_like(places.wanted))
-    errs = np.full(places.wanted.shape, UNKNOWN)
-    if scene is not None:
-        errs = IN_SAMPLE * scene.error
     sought = places.wanted[places.asked]
     photographs = [
         found
         for j in choose_sources(places.points[sought], own, given.views, SOURCES, places.ground[places.asked][sought])
         if (found := _photograph(given, j, places)) is not None
     ]
-    mixed = _mixed(base, errs, photographs, places) if photographs else base
+    if not photographs:
+        return street
+    left, errs = places.photograph - rendered[part], np.full(places.wanted.shape, UNKNOWN)
+    for mask, ring in places.told(np.ones_like(places.wanted)):
+        errs[mask] = IN_SAMPLE * places.error(left, ring)[mask]
+    mixed = _mixed(base, errs, photographs, places)
     result = street.astype(np.float32)
     result[part] = np.where(places.wanted[..., None], mixed, street[part])
     return result
@@ -235,18 +238,18 @@ def _photograph(given: Photographs, j: int, places: _Places) -> _Layer | None:
     picture_there = given.pictures[j].astype(np.float32)
     levels = [picture_there, *(cv2.GaussianBlur(picture_there, (0, 0), blur) for blur in BLURS_PX)]
     planes = shift_planes(luminance(picture_there))
-    picture = np.zeros_like(places.photograph)
-    for surface in places.surfaces:
-        mask = shown & surface
-        ring = mask & places.ring
-        if not (places.enough(ring) and (mask & places.wanted).any()):
-            continue
+    picture, error = np.zeros_like(places.photograph), np.full(shown.shape, UNKNOWN)
+    for mask, ring in places.told(shown):
         shift = np.zeros(2)
         if on("aligned_photographs"):
             shift = find_shift(planes, at[ring][:, :2], luminance(places.photograph[ring]))
+        plane = np.zeros_like(picture)
         position = at[mask]
-        picture[mask] = _sampled(levels, position[:, :2] + shift, position[:, 2])
-    return places.in_this_light(picture, shown)
+        plane[mask] = _sampled(levels, position[:, :2] + shift, position[:, 2])
+        left = places.photograph - plane
+        picture[mask] = (plane + places.light(left, ring))[mask]
+        error[mask] = places.error(left, ring)[mask]
+    return _Layer(picture, error) if np.isfinite(error).any() else None
 
 
 def _sampled(levels: Sequence[Float32], pixels: Float64, finer: Float32) -> Float32:
