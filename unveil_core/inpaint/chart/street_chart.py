@@ -19,7 +19,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Float64, Levels, Mask
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import border_px, sample_at
+from unveil_core.geometry.images import border_px
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.surface import shown_places
 from unveil_core.inpaint.chart.texels import NearestLooks, Texels
@@ -195,7 +195,6 @@ def read_chart(
     grid_s, grid_t = np.repeat(s, width), np.tile(t, height)
     inside = ground.inside(grid_s, grid_t)
     world = ground.path.to_world(np.stack([grid_s, grid_t, ground.height_at(grid_s, grid_t)], axis=1))
-    texels = Texels.unseen(height * width)
 
     def look(v: int) -> tuple[NDArray[Any], ...]:
         index, pixel, depth = shown_places(world, grid_s, ground.path, cameras[v], READ_M, furthest_m=READ_M)
@@ -204,18 +203,20 @@ def read_chart(
         # Where nothing is shown the view need not even be loaded.
         return (index, pixel, depth, images[v], labels[v], usable[v]) if len(index) else ()
 
+    rounds = 2 if robust else 1
+
+    def read(into: NearestLooks | Texels, turn: int) -> None:
+        for v, view in enumerate(each(look, range(len(cameras)))):
+            if view:
+                into.add(*view)
+            progress(turn * len(cameras) + v + 1, rounds * len(cameras), "reading the street")
+
+    texels = Texels.unseen(height * width)
     if robust:
         looks = NearestLooks(height * width)
-        for view in each(look, range(len(cameras))):
-            if view:
-                index, pixel, depth, image, _, shown = view
-                good = shown[pixel[:, 1].astype(np.int64), pixel[:, 0].astype(np.int64)]
-                looks.add(index[good], depth[good], sample_at(image, pixel[good]))
-        texels = texels.around(looks)
-    for v, view in enumerate(each(look, range(len(cameras)))):
-        if view:
-            texels.add(*view)
-        progress(v + 1, len(cameras), "reading the street")
+        read(looks, 0)
+        texels = Texels.around(looks)
+    read(texels, rounds - 1)
     known = texels.weight > 0
     return StreetChart(
         ground=ground,

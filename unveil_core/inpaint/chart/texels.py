@@ -44,13 +44,23 @@ class NearestLooks:
         self._depth = np.full((count, LOOKS), np.inf, np.float32)
         self._color = np.zeros((count, LOOKS, 3), np.float16)
 
-    def add(self, index: NDArray[np.int64], depth: Float64, color: Float32) -> None:
-        """Add one view's looks at texels ``index`` (N,), from so far (N,), metres, in colours (N, 3), levels of 255."""
+    def add(
+        self,
+        index: NDArray[np.int64],
+        pixel: Float64,
+        depth: Float64,
+        image: NDArray[Any],
+        label: NDArray[np.int64],
+        usable: NDArray[np.bool_],
+    ) -> None:
+        """Add one view, see :meth:`Texels.add`; labels are not looked at."""
+        good = _at(pixel, usable)
+        index, pixel, depth = index[good], pixel[good], depth[good]
         farthest = self._depth[index].argmax(axis=1)
         nearer = depth < self._depth[index, farthest]
         index, farthest = index[nearer], farthest[nearer]
         self._depth[index, farthest] = depth[nearer]
-        self._color[index, farthest] = color[nearer]
+        self._color[index, farthest] = sample_at(image, pixel[nearer])
 
     def centre(self) -> tuple[Float32, float]:
         """(T, 3) their medians, NaN where fewer than :data:`FEWEST_LOOKS` were taken; and the standard deviation of looks from
@@ -95,11 +105,12 @@ class Texels:
         label = np.full(count, -1, dtype=np.int16)
         return Texels(np.zeros((count, 3)), nothing.copy(), np.full(count, np.inf), label, nothing)
 
-    def around(self, looks: NearestLooks) -> Texels:
+    @staticmethod
+    def around(looks: NearestLooks) -> Texels:
         """None of them seen, for a reading in which what differs from most of the nearest looks does not count: a car that passed,
         its shadow, a pole that no label names. Where all that is read differs, the centre itself is the colour."""
         centre, spread = looks.centre()
-        return replace(Texels.unseen(len(self.weight)), centre=centre, spread=spread)
+        return replace(Texels.unseen(len(centre)), centre=centre, spread=spread)
 
     def add(
         self,
@@ -116,13 +127,12 @@ class Texels:
             index: (N,) texels that lie in the picture; pixel: (N, 2) where; depth: (N,) metres.
             image: (H, W, 3), levels of 255; label: (H, W); usable: (H, W) bool.
         """
-        column, row = pixel.astype(np.int64).T
-        good = usable[row, column]
-        index, depth = index[good], depth[good]
+        good = _at(pixel, usable)
+        index, pixel, depth = index[good], pixel[good], depth[good]
         closer = depth < self.nearest[index]
         self.nearest[index[closer]] = depth[closer]
         w = (1.0 / depth) ** NEARNESS_POWER
-        self.take(index, pixel[good], w, image, label[row[good], column[good]])
+        self.take(index, pixel, w, image, _at(pixel, label))
 
     def take(
         self,
@@ -158,3 +168,9 @@ class Texels:
         """(T, 3) mean colours in [0, 1], black where nothing was seen."""
         mean = self.total / np.maximum(self.weight, 1e-300)[:, None] / 255
         return np.where((self.weight > 0)[:, None], mean, 0).astype(np.float32)
+
+
+def _at(pixel: Float64, plane: NDArray[Any]) -> NDArray[Any]:
+    """(N,) what a plane (H, W) has at positions (N, 2)."""
+    column, row = pixel.astype(np.int64).T
+    return plane[row, column]
