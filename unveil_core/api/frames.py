@@ -19,7 +19,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.workspace.files import frame_file, load_mask
 
 if TYPE_CHECKING:  # loads torch
-    from unveil_core.api.scenes import Scene
+    from unveil_core.api.scenes import DeviceName, Scene
 
 __all__ = ["MASKS", "FrameView"]
 
@@ -129,9 +129,7 @@ class FrameView:
         found = read_instance_image(self._given(self.imported.instance_path, "instance maps"))
         return self._sized(found.astype(np.uint16), 0)
 
-    def depth(
-        self, state: Literal["full", "empty"] = "empty", *, device: Literal["auto", "cpu", "cuda"] = "auto"
-    ) -> NDArray[np.float32]:
+    def depth(self, state: Literal["full", "empty"] = "empty", *, device: DeviceName = "auto") -> NDArray[np.float32]:
         """(H, W) float32 metres along the optical axis, of the scene's surfaces; 0 where there is none.
 
         Args:

@@ -12,13 +12,14 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.pictures.decoding import read_image
-from unveil_core.base.types import Float64
+from unveil_core.base.types import Float64, Picture
 from unveil_core.drives.boxes import TrackedBox, between, has_moved
 from unveil_core.drives.depth_range import NEAR_M
-from unveil_core.drives.drive import Drive, Frame, instants, tracks
+from unveil_core.drives.drive import Drive, instants, tracks
+from unveil_core.geometry.camera import Camera
 from unveil_core.labelling.object_points import ObjectPoints, from_own_axes
 from unveil_core.semantics.classes import REMOVABLE
 
@@ -125,7 +126,12 @@ def continued(drive: Drive, objects: Mapping[int, ObjectPoints]) -> Drive:
     """
     times = instants(drive.frames)
     more: dict[int, list[TrackedBox]] = {}
-    looks = _Looks(drive.frames)
+    cameras = [f.camera for f in drive.frames]
+
+    def smoothed(i: int) -> Picture:  # points are measured to a pixel or two
+        return cv2.blur(read_image(drive.frames[i].image_path), (3, 3)).astype(np.uint8, copy=False)
+
+    pictures = FrameCache().frames(len(cameras), smoothed)
     for track in tracks(drive):
         for number, known in _by_object([(float(times[i]), drive.frames[i].boxes) for i in track]).items():
             if number not in objects:
@@ -140,7 +146,7 @@ def continued(drive: Drive, objects: Mapping[int, ObjectPoints]) -> Drive:
                 nearest = int(away.argmin())
                 box, reference = _at(timed, float(times[i])), track[list(known)[nearest]]
                 local = objects[number].near(drive.frames[reference].timestamp, ASKED_POINTS)
-                if looks.alike(i, box, reference, timed[nearest][1], local):
+                if _alike(cameras, pictures, {i: box, reference: timed[nearest][1]}, local):
                     more.setdefault(i, []).append(box)
     if not more:
         return drive
@@ -164,33 +170,22 @@ def _at(track: Sequence[Timed], time: float) -> TrackedBox:
     return between(a, b, (time - start) / (end - start)) if end > start else b
 
 
-class _Looks:
-    """Whether objects look alike in two frames; holds the pictures read last."""
+def _alike(
+    cameras: Sequence[Camera], pictures: Sequence[Picture], boxes: Mapping[int, TrackedBox], local: Float64
+) -> bool:
+    """Whether the points (P, 3) of an object have the same colours in two frames.
 
-    def __init__(self, frames: Sequence[Frame]) -> None:
-        self._frames = frames
-        self._pictures: dict[int, NDArray[np.uint8]] = {}
-
-    def alike(self, frame: int, box: TrackedBox, reference: int, known: TrackedBox, local: Float64) -> bool:
-        """Whether the points (P, 3) of an object in ``box`` have the colours in a frame that they have in ``known`` in another."""
-        sampled = []
-        for i, it in ((frame, box), (reference, known)):
-            camera = self._frames[i].camera
-            pixels, depth = camera.project(from_own_axes(it, local))
-            sampled.append((i, pixels, camera.in_picture(pixels, depth, nearest=NEAR_M)))
-        both = sampled[0][2] & sampled[1][2]
-        if both.sum() < FEWEST_SEEN:
-            return False
-        colors = []
-        for i, pixels, _ in sampled:
-            column, row = pixels[both].astype(np.int64).T
-            colors.append(self._picture(i)[row, column].astype(np.float64) / 255)
-        return bool((np.abs(colors[0] - colors[1]).mean(axis=1) < ALIKE).mean() > MOST_ALIKE)
-
-    def _picture(self, i: int) -> NDArray[np.uint8]:
-        """(H, W, 3) smoothed: points are measured to a pixel or two."""
-        if i not in self._pictures:
-            while len(self._pictures) >= 16:
-                del self._pictures[next(iter(self._pictures))]
-            self._pictures[i] = np.asarray(cv2.blur(read_image(self._frames[i].image_path), (3, 3)), dtype=np.uint8)
-        return self._pictures[i]
+    Args:
+        boxes: of the object, by the frames.
+    """
+    pixels, depths = zip(*(cameras[i].project(from_own_axes(box, local)) for i, box in boxes.items()), strict=True)
+    both = np.logical_and.reduce(
+        [cameras[i].in_picture(p, d, nearest=NEAR_M) for i, p, d in zip(boxes, pixels, depths, strict=True)]
+    )
+    if both.sum() < FEWEST_SEEN:
+        return False
+    colors = []
+    for i, places in zip(boxes, pixels, strict=True):
+        column, row = places[both].astype(np.int64).T
+        colors.append(pictures[i][row, column].astype(np.float64) / 255)
+    return bool((np.abs(colors[0] - colors[1]).mean(axis=1) < ALIKE).mean() > MOST_ALIKE)
