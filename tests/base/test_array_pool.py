@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 
 import numpy as np
+import pytest
 import torch
 
 from tests.raster.scenes import camera, random_surfels, with_gradients
@@ -46,7 +47,10 @@ def test_lent_memory_comes_back_when_nobody_holds_it() -> None:
     assert place in [address(a) for a in again]
 
 
-def test_a_step_allocates_nothing_once_it_has_run() -> None:
+def test_a_step_allocates_nothing_once_it_has_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a process that lent and pooled nothing before: what is kept is the first that came back, whatever its size."""
+    monkeypatch.setattr(array_pool, "_lender", array_pool._Lender())
+    monkeypatch.setattr(array_pool, "_pool", [])
     surfels, view = with_gradients(random_surfels(300, 1)), camera(70, 50, 60.0)
 
     def step() -> None:

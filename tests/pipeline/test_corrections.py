@@ -124,9 +124,11 @@ def test_a_picture_that_was_painted_over_counts_where_it_differs(
     ws, _ = mended(done, tmp_path, {"frame": OWN, "over": "before.png"}, rgba)
     after = delivered(ws, OWN)
     assert np.abs(after[painted[1]] - PAINT).max() < 2e-5
-    assert (
-        np.abs(after - delivered(painted[0], OWN))[~painted[1]].max() < 0.02
-    )  # what is optimized anew differs a little
+    beside = np.abs(after - delivered(painted[0], OWN)).max(axis=2)[~painted[1]]
+    assert np.median(beside) == 0
+    assert (beside > 0.02).mean() < 1e-3, (
+        "what is optimized anew differs a little, and the layer that is taken in a few pixels"
+    )
 
 
 def test_what_is_marked_as_wrong_is_invented_anew(done: Workspace, tmp_path: Path) -> None:
