@@ -8,15 +8,15 @@ import json
 import shutil
 from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
-from unveil_core.base.checks.names import file_name, is_file_name
+from unveil_core.base.checks.names import file_name, is_file_name, is_inside
 from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
 from unveil_core.base.disk.rights import keep_rights, rights_of
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import full_disk, move, patiently, read_own_json, write_atomic, write_json_atomic
-from unveil_core.workspace.links import refuse_links
+from unveil_core.base.disk.links import refuse_links
 from unveil_core.workspace.made import half_written, keep_strangers, note_made
 from unveil_core.workspace.workspace import Workspace
 
@@ -145,7 +145,7 @@ def _is_sound(entry: Any) -> bool:
         return False
     if not file_name(partial[len(PARTIAL) :], "") == partial[len(PARTIAL) :] != "" or not _is_json(entry):
         return False
-    return isinstance(outputs, list) and all(isinstance(o, str) and _is_inside(o) for o in outputs)
+    return isinstance(outputs, list) and all(map(is_inside, outputs))
 
 
 def _is_json(entry: Any) -> bool:
@@ -155,13 +155,3 @@ def _is_json(entry: Any) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _is_inside(name: str) -> bool:
-    path = PurePosixPath(name)
-    return bool(path.parts) and not path.is_absolute() and all(_is_plain(part) for part in path.parts)
-
-
-def _is_plain(part: str) -> bool:
-    """Whether it is the name of one file, which may begin with a dot."""
-    return part.strip(".") != "" and is_file_name(part.lstrip("."))

@@ -47,7 +47,7 @@ ALLOWED = {
     "unveil_core/pipeline/source_digest.py": "the program's own",
     "unveil_core/raster/cpu/block.py": "the program's own",
     "unveil_core/base/kernels/compiled.py": "the program's own",
-    "unveil_core/workspace/lock.py": "the workspace's folder, which is locked",
+    "unveil_core/base/disk/lock.py": "the workspace's folder, which is locked",
     "unveil_core/evaluate/perceptual.py": "a network that the user names, looked at before",
     "unveil_core/exports/whole.py": "was just made",
     "unveil_core/exports/dataset/layout.py": "copies what was just delivered",

@@ -6,8 +6,9 @@ import hashlib
 import re
 import unicodedata
 from collections.abc import Iterable
+from pathlib import PurePosixPath
 
-__all__ = ["distinct_file_names", "file_name", "is_file_name", "name_key"]
+__all__ = ["distinct_file_names", "file_name", "is_file_name", "is_inside", "name_key"]
 
 FORBIDDEN = re.compile(r'[<>:"/\\|?*]+')
 """What separates folders or is no part of a file's name on some system."""
@@ -49,6 +50,16 @@ def name_key(name: str) -> str:
 def is_file_name(text: object) -> bool:
     """Whether a text is the name of one file, as :func:`file_name` makes them."""
     return isinstance(text, str) and file_name(text) == text
+
+
+def is_inside(name: object) -> bool:
+    """Whether a text names a file within a folder, with "/" between file names, each of which may begin with a dot."""
+    path = PurePosixPath(name) if isinstance(name, str) else PurePosixPath()
+    return bool(path.parts) and not path.is_absolute() and all(_is_plain(part) for part in path.parts)
+
+
+def _is_plain(part: str) -> bool:
+    return part.strip(".") != "" and is_file_name(part.lstrip("."))
 
 
 def distinct_file_names(texts: Iterable[str]) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 Regular files alone: a pipe or a device may never answer, or never end. Nothing is waited for, and no file is read that is larger
 than any of its kind. In a drive a symbolic link may name a photograph anywhere on the disk; in a workspace none is followed
-(:mod:`unveil_core.workspace.links` looks at all of it), and what is written in place has no second name.
+(:mod:`unveil_core.base.disk.links` looks at all of it), and what is written in place has no second name.
 """
 
 from __future__ import annotations

@@ -63,7 +63,9 @@ def written_in(folder: Path, record: str = RECORD) -> frozenset[str] | None:
     if content is None:
         return None
     listed = content.get("files")
-    return frozenset({record, *(n for n in listed if isinstance(n, str))} if isinstance(listed, list) else {record})
+    return frozenset(
+        {record, *(n for n in listed if isinstance(n, str))} if isinstance(listed, list | dict) else {record}
+    )
 
 
 def note_written(folder: Path, names: Iterable[str], record: str = RECORD) -> None:

@@ -1,4 +1,4 @@
-"""Who works in a workspace has it for himself."""
+"""Who works in a folder of results has it for himself."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_FILES = 20
 class Lock:
     """One process at a time, or several that share. The operating system drops the lock with the process, however it ends.
 
-    It is held on a file, and where the system can on the workspace's folder as well: a cleaner or a program that synchronizes
+    It is held on a file, and where the system can on its folder as well: a cleaner or a program that synchronizes
     may remove the file meanwhile, but not the folder. The file that is locked is the one that the path names: it is opened again
     where it was removed in between, and :meth:`check` puts it there again.
 
@@ -80,7 +80,7 @@ class Lock:
         self._handle = self._folder = None
 
     def _locked_folder(self) -> int | None:
-        """The workspace's folder, locked; None where the system does not open folders or has no locks on them."""
+        """The folder itself, locked; None where the system does not open folders or has no locks on them."""
         if os.name == "nt":
             return None
         try:

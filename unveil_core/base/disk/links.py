@@ -1,5 +1,5 @@
-"""A workspace holds folders and regular files alone: what is written, replaced, removed or read in it must not reach files
-elsewhere, nor wait for a pipe or a device. Whoever packed the workspace may be a stranger."""
+"""A folder of results holds folders and regular files alone: what is written, replaced, removed or read in it must not reach files
+elsewhere, nor wait for a pipe or a device. Whoever packed it, a workspace or a solved drive, may be a stranger."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LOCK, EVENTS = ".lock", "events.jsonl"
 
 
 def refuse_links(root: Path) -> None:
-    """Check a workspace before anything in it is read or written; the workspace itself may be reached through a link.
+    """Check a folder of results before anything in it is read or written; the folder itself may be reached through a link.
 
     One look at each folder, none at a file: a workspace of 10,000 files takes some hundredths of a second.
 
@@ -51,7 +51,7 @@ def _check(entry: os.DirEntry[str], folders: list[str]) -> None:
         raise WorkspaceError(
             "A symbolic link: what is read or written through it may lie anywhere",
             path=entry.path,
-            mend="put the file or folder itself there, or link the whole workspace",
+            mend="put the file or folder itself there, or link the whole folder",
         )
     if entry.is_dir(follow_symlinks=False):
         folders.append(entry.path)

@@ -58,7 +58,7 @@ def test_the_file_that_is_locked_is_the_one_that_the_path_names(
     space: Workspace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is removed, and made by somebody else, between the moment it is opened and that in which it is locked."""
-    import unveil_core.workspace.lock as module
+    import unveil_core.base.disk.lock as module
 
     real, left = module.lock_file, [2]
 

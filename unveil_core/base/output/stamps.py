@@ -1,0 +1,45 @@
+"""What tells of a file whether it is as it was written: its size, its time, and a digest of its content."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from unveil_core.base.disk.open_safely import open_file
+
+__all__ = ["Stamp", "is_unchanged", "stamp_of"]
+
+Stamp = list[int | str]
+"""Bytes, nanoseconds of the last change, digest in hexadecimal; as JSON has it."""
+PIECE = 1 << 20
+
+
+def stamp_of(file: Path) -> Stamp:
+    """The stamp of a regular file.
+
+    Raises:
+        OSError: it cannot be read, or is a link.
+    """
+    found = file.stat(follow_symlinks=False)
+    return [found.st_size, found.st_mtime_ns, _digest(file)]
+
+
+def is_unchanged(file: Path, held: object) -> bool:
+    """Whether a file is as its stamp says: of the same size and time, or, as after it was copied, of the same content."""
+    if not isinstance(held, list) or len(held) != 3:
+        return False
+    try:
+        found = file.stat(follow_symlinks=False)
+        if found.st_size != held[0]:
+            return False
+        return found.st_mtime_ns == held[1] or _digest(file) == held[2]
+    except OSError:
+        return False
+
+
+def _digest(file: Path) -> str:
+    found = hashlib.blake2b(digest_size=16)
+    with open_file(file, links=False) as stream:
+        while piece := stream.read(PIECE):
+            found.update(piece)
+    return found.hexdigest()
