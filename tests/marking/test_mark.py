@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from pathlib import Path
 
 import cv2
@@ -11,6 +13,8 @@ import pytest
 
 from tests.small_street import FRAMES, make_small_street
 from unveil_core.app.cli import main
+from unveil_core.base.errors import DriveError
+from unveil_core.base.output.own_folder import EXCHANGE
 from unveil_core.drives import open_drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import matte, read_marked
@@ -178,3 +182,69 @@ def test_mattes_lie_over_the_footage_with_its_lens(tmp_path: Path) -> None:
     inside = cv2.erode((flat > 0).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0  # what the flat picture shows at all
     assert ((flat > 128) != right)[inside].mean() < 0.05 < ((flat > 128) != wrong)[inside].mean()
     assert (black != right)[inside].mean() > 0.95
+
+
+def _one_click(street: Path) -> list[SaidObject]:
+    place = tuple(float(v) for v in clicks_on(truth(street, CLICKED))[1].split(","))
+    return [SaidObject("car", [Said(f"{CLICKED:02d}", "inside", place)])]
+
+
+def test_a_painted_matte_stays_where_its_record_is_gone(street: Path, tmp_path: Path) -> None:
+    mark(street, tmp_path / "masks", _one_click(street))
+    painted = np.full((3, 5), 255, np.uint8)
+    cv2.imwrite(str(tmp_path / "masks/mattes/car/camera/04.png"), painted)
+    before = (tmp_path / "masks/mattes/car/camera/04.png").read_bytes()
+    (tmp_path / "masks/clicks.json").unlink()
+    mark(street, tmp_path / "masks", _one_click(street))
+    assert (tmp_path / "masks/mattes/car/camera/04.png").read_bytes() == before
+
+
+def test_a_call_that_ends_too_early_changes_nothing(
+    street: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its own new mattes do not count as painted."""
+    mark(street, tmp_path / "masks", _one_click(street))
+    before = {p: p.read_bytes() for p in (tmp_path / "masks").rglob("*.*") if p.is_file()}
+
+    def fails(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("unveil_core.marking.mark.write_page", fails)
+        road = [SaidObject("car", [Said(f"{CLICKED:02d}", "inside", (5.0, 75.0))])]
+        mark(street, tmp_path / "masks", road)
+    assert {p: p.read_bytes() for p in before} == before
+    (now,) = mark(street, tmp_path / "masks", _one_click(street))
+    assert iou(tmp_path / "masks", street) > 0.7 and now.frames >= 6
+
+
+def test_a_list_of_other_footage_is_told(street: Path, clicked: Path, tmp_path: Path) -> None:
+    other = Path(shutil.copytree(street.parent, tmp_path / "other")) / street.name
+    for picture in (other.parent / "images").rglob("*.png"):
+        cv2.imwrite(str(picture), cv2.GaussianBlur(cv2.imread(str(picture)), (0, 0), 1))
+    told: list[str] = []
+    mark(other, Path(shutil.copytree(clicked, tmp_path / "masks")), _one_click(street), notice=told.append)
+    assert "marked.json: its objects were clicked in other footage" in told[0]
+    settings = RunSettings(quality="draft", marked=str(clicked / "marked.json"))
+    workspace = run(other, tmp_path / "ws", settings, until="objects")
+    assert "clicked in other footage" in workspace.state()["stages"]["objects"]["notices"][0]
+    same = run(street, tmp_path / "same", settings, until="objects")
+    assert same.state()["stages"]["objects"]["notices"] == []
+
+
+def test_a_list_that_is_half_exchanged_is_refused(clicked: Path, tmp_path: Path) -> None:
+    masks = Path(shutil.copytree(clicked, tmp_path / "masks"))
+    (masks / EXCHANGE).write_text("{}")
+    with pytest.raises(DriveError, match=r"masks: Not whole: a command was ended"):
+        read_marked(masks / "marked.json")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights of POSIX")
+def test_who_may_not_read_the_drive_may_not_read_its_sheets(street: Path, tmp_path: Path) -> None:
+    private = Path(shutil.copytree(street.parent, tmp_path / "private")) / street.name
+    for picture in (private.parent / "images").rglob("*.png"):
+        picture.chmod(0o600)
+    mark(private, tmp_path / "masks", _one_click(street))
+    assert not [
+        p for p in (tmp_path / "masks").rglob("*.*") if p.is_file() and p.name[0] != "." and p.stat().st_mode & 0o077
+    ]

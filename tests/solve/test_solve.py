@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.drives.tiny_drive import make_tiny_drive
 from tests.solve.films import COUNT, SIZE, frames, truth, write_clip, write_frames, write_labels
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.base.output.stamps import is_unchanged
 from unveil_core.drives import open_drive
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.solve.settings import SolveSettings
@@ -128,7 +132,6 @@ def test_a_rerun_does_only_what_is_missing(solved: Path) -> None:
 
 
 @needs_colmap
-@needs_colmap
 def test_a_night_whose_noise_hides_all_is_said_to_be_dark(tmp_path: Path) -> None:
     """Small pictures average the noise away and look well enough; those that are matched do not."""
     generator = np.random.default_rng(0)
@@ -168,3 +171,89 @@ def test_a_folder_that_no_solve_made_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="Not replaced: no solve wrote it .*--replace"):
         solve([source], tmp_path / "o", SolveSettings())
     assert [p.name for p in (tmp_path / "o").iterdir()] == ["notes.txt"]
+
+
+def _refused(solved: Path, line: str, settings: SolveSettings, footage: Path | None = None) -> None:
+    before = {p: p.read_bytes() for p in solved.rglob("*") if p.is_file() and p.name not in (".lock",)}
+    with pytest.raises(SettingsError, match=line):
+        solve([footage or solved.parent / "frames"], solved, settings)
+    assert {p: p.read_bytes() for p in before} == before
+
+
+def test_a_drive_of_other_footage_is_not_replaced(solved: Path, tmp_path: Path) -> None:
+    other = write_frames(tmp_path / "other", list(frames())[:3])
+    for k, path in enumerate(sorted(other.iterdir())):
+        path.rename(other / f"take2_{k}.png")
+    _refused(solved, "Not replaced: it was solved from other footage, frames .*--replace", SolveSettings(), other)
+
+
+def test_what_somebody_changed_is_not_replaced(solved: Path, tmp_path: Path) -> None:
+    shutil.copytree(solved, tmp_path / "drive")
+    shutil.copytree(solved.parent / "frames", tmp_path / "frames")
+    drive = tmp_path / "drive"
+    (drive / "transforms.json").write_text((drive / "transforms.json").read_text() + " ")
+    _refused(drive, r"transforms\.json: Changed since Unveil wrote it", SolveSettings(every=2))
+    shutil.copyfile(solved / "transforms.json", drive / "transforms.json")
+    (drive / "images/0003.png").write_bytes(b"a plate painted over")
+    _refused(drive, r"0003\.png: Changed since Unveil wrote it", SolveSettings(every=2))
+
+
+def test_a_label_that_was_mended_stays(solved: Path, tmp_path: Path) -> None:
+    for name in ("drive", "frames", "labels"):
+        shutil.copytree(solved.parent / name, tmp_path / name)
+    mended = tmp_path / "drive/semantics/0002.png"
+    shutil.copyfile(mended.with_name("0009.png"), mended)
+    (tmp_path / "drive/notes.txt").write_text("mine")
+    same = SolveSettings(labels=tmp_path / "labels", focal=str(truth()[0]), known_length=20.0)
+    facts = solve([tmp_path / "frames"], tmp_path / "drive", same).facts
+    assert mended.read_bytes() == mended.with_name("0009.png").read_bytes()
+    assert "1 pictures of labels or masks were changed since" in facts["notices"][-2]
+    assert (tmp_path / "drive/notes.txt").read_text() == "mine"
+
+
+def test_a_solve_that_ends_too_early_leaves_the_drive_before_as_it_was(solved: Path, tmp_path: Path) -> None:
+    for name in ("drive", "frames"):
+        shutil.copytree(solved.parent / name, tmp_path / name)
+    listed = json.loads((tmp_path / "drive/.unveil.json").read_text())["files"]
+    with pytest.raises(DriveError, match="Too few frames"):
+        solve([tmp_path / "frames"], tmp_path / "drive", SolveSettings(frames="0:4"))
+    assert json.loads((tmp_path / "drive/.unveil.json").read_text())["files"] == listed
+    assert all(is_unchanged(tmp_path / "drive" / name, stamp) for name, stamp in listed.items())
+    assert json.loads((tmp_path / "drive/solve.json").read_text())["state"] == "done"
+
+
+@pytest.mark.parametrize("place", ["street", "street/images/solved", "street/solved", "around", ""])
+def test_no_solve_goes_into_a_drive_or_around_one(place: str, tmp_path: Path) -> None:
+    source = write_frames(tmp_path / "frames", list(frames())[:3])
+    street = Path(make_tiny_drive(tmp_path / "work/street")).parent
+    shutil.copytree(street, tmp_path / "work/around/images")
+    before = sorted(p for p in tmp_path.rglob("*"))
+    with pytest.raises(SettingsError, match="Not for results"):
+        solve([source], tmp_path / "work" / place, SolveSettings(replace=True))
+    assert sorted(p for p in tmp_path.rglob("*")) == before
+
+
+def test_names_that_no_list_of_colmap_holds_are_solved(solved: Path, tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    names = [f"DSC {k:02d} (1) #ä.png" for k in range(COUNT)]
+    for name, path in zip(names, sorted((solved.parent / "frames").iterdir()), strict=True):
+        shutil.copyfile(path, tmp_path / "in" / name)
+    facts = solve([tmp_path / "in"], tmp_path / "drive", SolveSettings(focal=str(truth()[0]))).facts
+    assert facts["placed"] == COUNT
+    assert [f.image_path.name for f in open_drive(tmp_path / "drive").frames] == names
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights of POSIX")
+def test_who_may_not_read_the_footage_may_not_read_what_shows_it(tmp_path: Path) -> None:
+    source = write_frames(tmp_path / "frames", list(frames()))
+    for path in source.iterdir():
+        path.chmod(0o600)
+    pytest.importorskip("pycolmap")
+    solve([source], tmp_path / "drive", SolveSettings(focal=str(truth()[0])))
+    shown = [p for p in (tmp_path / "drive").rglob("*") if p.suffix in (".png", ".html", ".ply", ".npz")]
+    assert len(shown) > COUNT and not [p for p in shown if p.stat().st_mode & 0o077]
+
+
+def test_nothing_names_the_folder_that_the_footage_came_from(solved: Path) -> None:
+    told = str(solved.parent).encode()
+    assert [p for p in solved.rglob("*") if p.is_file() and told in p.read_bytes()] == []

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from unveil_core.base.disk.links import refuse_links
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage, StageContext
-from unveil_core.base.disk.links import refuse_links
 from unveil_core.workspace.workspace import Workspace
 
 

@@ -22,16 +22,22 @@ from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
+from unveil_core.base.output.stamps import mark_of
+from unveil_core.base.output.written import record_of
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.boxes import TrackedBox, read_boxes
+from unveil_core.drives.checks.solved import check_whole
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.importing.frames import at_work_size
 
 __all__ = [
+    "CLICKS",
     "SHOWS",
     "MarkedObject",
     "file_of_frame",
     "files_named",
+    "marks_of_footage",
+    "told_of_footage",
     "marked_ids",
     "marked_objects",
     "matte",
@@ -49,6 +55,10 @@ MOST_FILES = 200_000
 MOST_FOLDERS = 500
 """In it: one a camera is usual."""
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
+
+
+CLICKS = "clicks.json"
+"""Beside the list where ``unveil mask`` wrote it: what was said of the objects, and of which footage."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +88,10 @@ def read_marked(path: Path) -> tuple[MarkedObject, ...]:
     """The checked objects of a file; folders are relative to it.
 
     Raises:
-        DriveError: no such file, not a list, an entry that is neither a box nor mattes, or an id used twice.
+        DriveError: no such file, half exchanged with those beside it, not a list, an entry that is neither a box nor mattes, or
+            an id used twice.
     """
+    check_whole(path)
     entries = read_json(path)
     if not isinstance(entries, list):
         raise DriveError("holds no list of marked objects", path=path, mend=MEND)
@@ -93,6 +105,20 @@ def read_marked(path: Path) -> tuple[MarkedObject, ...]:
 def marked_objects(setting: str | None) -> tuple[MarkedObject, ...]:
     """Those of the file that a run's settings name; none where they name none."""
     return () if setting is None else read_marked(Path(setting))
+
+
+def marks_of_footage(frames: Sequence[Frame]) -> list[str]:
+    """A mark of the footage of each frame, see :func:`unveil_core.base.output.stamps.mark_of`."""
+    return [mark_of(f.footage.path if f.footage is not None else f.image_path, f.name) for f in frames]
+
+
+def told_of_footage(marked: Path, frames: Sequence[Frame]) -> tuple[str, ...]:
+    """A line where the objects of a list were clicked in other footage than these frames are of: their names alone may agree."""
+    held = record_of(marked.with_name(CLICKS)) or {}
+    marks = held.get("footage")
+    if not isinstance(marks, list) or not marks or set(marks) & set(marks_of_footage(frames)):
+        return ()
+    return (f"{marked.name}: its objects were clicked in other footage; look whether they lie right here",)
 
 
 def marked_ids(setting: str | None) -> tuple[int, ...]:

@@ -11,11 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.disk.lock import IN_USE
 from unveil_core.base.disk.open_safely import open_file, open_in_place
 from unveil_core.base.surroundings.programs import environment
 from unveil_core.farm.manifest import read_batch
 from unveil_core.farm.state import TaskState, note_state, state_of
-from unveil_core.base.disk.lock import IN_USE
 
 __all__ = ["TaskFailed", "end_tasks", "run_task", "tasks_may_begin"]
 

@@ -8,24 +8,23 @@ from pathlib import Path
 
 import numpy as np
 
+from unveil_core.base.disk.rights import rights_of_files
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import FrameCache
-from unveil_core.base.output.written import check_writable, note_written
+from unveil_core.base.output.own_folder import OwnFolder
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.marked import file_of_frame, files_named
+from unveil_core.drives.marked import CLICKS, file_of_frame, files_named, marks_of_footage, told_of_footage
 from unveil_core.drives.selecting import named_frames
 from unveil_core.marking.asked.lens import in_footage, in_picture, mask_in_picture, seen_in_footage
 from unveil_core.marking.asked.polarity import polarity
 from unveil_core.marking.asked.prompts import Prompt, Prompts
 from unveil_core.marking.asked.record import (
-    CLICKS,
     MARKED,
     OfFrame,
     Recorded,
-    digest,
     edited,
     key_of,
     matte_name,
@@ -93,15 +92,31 @@ def mark(
         SettingsError: nothing was said, a frame that there is not, a click outside of its picture, or files of somebody else's.
         DriveError, WorkspaceError: the source cannot be read.
     """
-    things = read_record(folder)
+    with OwnFolder(folder, mend=MEND) as own:
+        own.begin_anew()
+        return _mark(own, source, said, settings or RunSettings(), moving, networks, progress, notice)
+
+
+def _mark(
+    own: OwnFolder,
+    source: Path,
+    said: Sequence[SaidObject],
+    settings: RunSettings,
+    moving: bool,
+    networks: Networks | None,
+    progress: Progress,
+    notice: Callable[[str], None],
+) -> list[MarkedNow]:
+    """:func:`mark`, in a folder that is held."""
+    folder, things = own.root, read_record(own.root)
     network = None if networks is None else Promptable(networks)
-    painted = {t.name: edited(folder, t) for t in things}
+    painted = {t.name: edited(own, t) for t in things}
     if not any(thing.said for thing in said) and not any(painted.values()) and not moving:
         raise SettingsError(
             "Nothing to outline: neither a click nor a stroke is given, and no matte was painted over",
             mend="add --click FRAME:X,Y, or --moving",
         )
-    space = opened(source, settings or RunSettings(), progress)
+    space = opened(source, settings, progress)
     drive = space.drive
     frame_of = {key_of(f): v for v, f in enumerate(drive.frames)}
     now = [n for n in painted if painted[n]]
@@ -112,17 +127,19 @@ def mark(
         if thing is None:
             thing = new_object(name, things, space.taken)
             things.append(thing)
+            painted[name] = edited(own, thing)
         for it in entry.said:
             for one in _of_folder(it, drive, notice) if it.what == "mattes" else [it]:
                 _take(one, thing, drive, folder, pictures)
         now.append(name)
     # What moves cannot be carried through a scene that stands still: what was painted of it stays, and that is all.
     chosen = [t for t in things if t.name in now and not t.moves]
-    names = [*pictures, *(matte_name(t, k) for t in chosen for k in frame_of)]
-    pages = [PAGE, *(sheet_name(t) for t in things)]
-    _check_place(folder, [*names, *pages, CLICKS, MARKED])
+    mattes = (matte_name(t, k) for t in chosen for k in frame_of if k not in painted.get(t.name, ()))
+    own.check([*pictures, *mattes, PAGE, *(sheet_name(t) for t in things), CLICKS, MARKED])
+    for line in told_of_footage(folder / MARKED, drive.frames):
+        notice(line)
     for name, picture in pictures.items():
-        write_image_atomic(folder / name, picture.astype(np.uint8) * 255)
+        write_image_atomic(own.new / name, picture.astype(np.uint8) * 255)
     cache = FrameCache()
     images = cache.frames(len(drive.frames), space.image)
 
@@ -136,8 +153,7 @@ def mark(
     shown: list[Shown] = []
     if moving:
         for thing, masks in _moving(moving_masks(drive, points, images.__getitem__, progress), things, space):
-            _check_place(folder, [*(matte_name(thing, key) for key in frame_of), sheet_name(thing)])
-            count = _write(folder, thing, drive, masks, painted.get(thing.name, []))
+            count = _write(own.new, thing, drive, masks, edited(own, thing))
             found.append(MarkedNow(thing.name, thing.id, count, folder / "mattes" / thing.folder))
             shown.append(Shown(thing, Prompts(thing.name, {}), masks))
         if not found:
@@ -146,15 +162,16 @@ def mark(
         kept = painted.get(thing.name, [])
         prompts = _prompts(thing, kept, drive, folder, pictures, frame_of)
         masks = carried(drive, images.__getitem__, points, prompts, outline, progress)
-        count = _write(folder, thing, drive, masks, kept)
+        count = _write(own.new, thing, drive, masks, kept)
         if count <= len(prompts.frames):
             notice(
                 f"{thing.name}: carried to no other frame (no other frame shows it, or it changes too much from frame to frame)"
             )
         found.append(MarkedNow(thing.name, thing.id, count, folder / "mattes" / thing.folder))
         shown.append(Shown(thing, prompts, masks))
-    write_record(folder, things)
-    write_page(folder, things, shown, drive, images.__getitem__)
+    write_record(own.new, things, marks_of_footage(drive.frames))
+    write_page(own, things, shown, drive, images.__getitem__)
+    own.exchange(rights=rights_of_files(f.image_path if f.footage is None else f.footage.path for f in drive.frames))
     return found
 
 
@@ -170,11 +187,6 @@ def _moving(
             things.append(thing)
         frames = space.drive.frames
         yield thing, [of_frame.get(v, np.zeros((f.camera.height, f.camera.width), bool)) for v, f in enumerate(frames)]
-
-
-def _check_place(folder: Path, names: Sequence[str]) -> None:
-    check_writable(folder, names, mend=MEND)
-    note_written(folder, names)
 
 
 def _take(said: Said, thing: Recorded, drive: Drive, folder: Path, pictures: dict[str, Mask]) -> None:
@@ -294,7 +306,5 @@ def _write(folder: Path, thing: Recorded, drive: Drive, masks: Sequence[Mask], k
         count += bool(mask.any())
         if key in kept:
             continue
-        path = folder / matte_name(thing, key)
-        write_image_atomic(path, in_footage(frame, mask).astype(np.uint8) * 255)
-        thing.written[key] = digest(path)
+        write_image_atomic(folder / matte_name(thing, key), in_footage(frame, mask).astype(np.uint8) * 255)
     return count

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.evenly import evenly
 from unveil_core.base.files import write_bytes_atomic, write_image_atomic
+from unveil_core.base.output.own_folder import OwnFolder
 from unveil_core.base.output.written import GENERATOR
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive
@@ -86,7 +86,7 @@ def _cell(photograph: NDArray[np.uint8], mask: Mask, prompt: Prompt | None, name
 
 
 def write_page(
-    folder: Path,
+    own: OwnFolder,
     things: Sequence[Recorded],
     shown: Sequence[Shown],
     drive: Drive,
@@ -94,17 +94,17 @@ def write_page(
 ) -> None:
     """Write the contact sheets of the objects that were outlined now, and the page of all."""
     for it in shown:
-        write_image_atomic(folder / sheet_name(it.thing), contact_sheet(it, drive, image))
+        write_image_atomic(own.new / sheet_name(it.thing), contact_sheet(it, drive, image))
     style = files("unveil_core.report").joinpath("page.css").read_text(encoding="utf-8")
     parts = [
         f'<section><h2>{escape(t.name)} <small>{t.id}</small></h2><figure class="card"><img src="{escape(sheet_name(t))}" '
         f'alt="{escape(t.name)} in the frames that show it"><figcaption>mattes/{escape(t.folder)}/ · clicked in '
         f"{escape(', '.join(t.frames) or 'painted mattes')}</figcaption></figure></section>"
         for t in things
-        if (folder / sheet_name(t)).is_file()
+        if any((place / sheet_name(t)).is_file() for place in (own.new, own.root))
     ]
     page = _PAGE.format(generator=escape(GENERATOR), style=style, parts="\n".join(parts))
-    write_bytes_atomic(folder / PAGE, page.encode())
+    write_bytes_atomic(own.new / PAGE, page.encode())
 
 
 _PAGE = """<!doctype html>

@@ -20,13 +20,13 @@ from unveil_core.forecast.machine import (
     measured_seconds,
     this_machine,
 )
+from unveil_core.forecast.solving import seconds_by_step
 from unveil_core.forecast.workload import Workload
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Stage
 from unveil_core.pipeline.status import stage_states
 from unveil_core.pipeline.steps.import_ import work_side_of
-from unveil_core.solve.costs import seconds_by_step
-from unveil_core.solve.points.of_drive import lacks_points
+from unveil_core.points.of_drive import lacks_points
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["Expected", "expected_of", "expected_of_stages", "workload_of"]

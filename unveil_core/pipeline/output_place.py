@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.output.written import EXPORTED, RECORD, record_of
+from unveil_core.base.output.written import DRIVE, EXPORTED, RECORD, record_of
 from unveil_core.drives.formats.registry import drive_at
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.workspace.workspace import Workspace, is_workspace
@@ -32,12 +32,13 @@ OF_STAGES = {Path(name).parts[0] for stage in STAGES for name in stage.outputs}
 """Folders and files of a workspace that stages write: what lies there is taken away when they run again."""
 
 
-def check_place(output: Path, drives: Iterable[Path] = ()) -> None:
+def check_place(output: Path, drives: Iterable[Path] = (), *, again: bool = False) -> None:
     """Check a folder for a workspace, or for anything else; it need not be there yet.
 
     Args:
         output: the folder.
         drives: of the command: the one that it reads, or that its workspace was made from.
+        again: whether it may be a drive that this program wrote there.
     Raises:
         SettingsError: it is, holds, or lies in a drive, or is the home folder or one that holds it; with the folder.
     """
@@ -53,17 +54,20 @@ def check_place(output: Path, drives: Iterable[Path] = ()) -> None:
         raise SettingsError(
             "Not for results: a link to nothing", path=output, mend="remove the link, or name another folder with -o"
         )
-    _check_not_within(target, output, drives)
+    _check_not_within(target, output, drives, again=again)
     for drive in map(_folder_of, drives):
         if drive.is_relative_to(target):
             raise SettingsError(f"Not for results: it holds the drive {drive}", path=output, mend=MEND)
-    if target.is_dir() and not is_workspace(target) and (found := _drive_in(target)) is not None:
+    written = is_workspace(target) or (again and _is_own_drive(target))
+    if target.is_dir() and not written and (found := _drive_in(target)) is not None:
         raise SettingsError(f"Not for results: it holds the drive {found}", path=output, mend=MEND)
 
 
-def check_folder_place(output: Path, drives: Iterable[Path] = ()) -> None:
+def check_folder_place(output: Path, drives: Iterable[Path] = (), *, again: bool = False) -> None:
     """Check a folder for results beside a workspace's own.
 
+    Args:
+        output, drives, again: see :func:`check_place`.
     Raises:
         SettingsError: see :func:`check_place`; or it is a file, a workspace, or a folder that stages write.
     """
@@ -73,7 +77,7 @@ def check_folder_place(output: Path, drives: Iterable[Path] = ()) -> None:
     if is_workspace(target):
         raise SettingsError("Not for results: the workspace's own folder", path=output, mend="name another one")
     _check_not_of_stages(target, output)
-    check_place(output, drives)
+    check_place(output, drives, again=again)
 
 
 def check_file_place(output: Path, drives: Iterable[Path] = ()) -> None:
@@ -99,10 +103,10 @@ def _check_not_of_stages(target: Path, output: Path) -> None:
             raise SettingsError("Not for results: the workspace's own folder", path=output, mend="name another one")
 
 
-def _check_not_within(target: Path, output: Path, drives: Iterable[Path]) -> None:
+def _check_not_within(target: Path, output: Path, drives: Iterable[Path], *, again: bool = False) -> None:
     named = {folder for folder in map(_folder_of, drives) if folder.parent != folder}
     for folder in (target, *target.parents):
-        if folder in named or _is_drive(folder):
+        if folder in named or (_is_drive(folder) and not (again and folder == target and _is_own_drive(folder))):
             what = (
                 "Not for results: a drive"
                 if folder == target and output.name
@@ -114,10 +118,19 @@ def _check_not_within(target: Path, output: Path, drives: Iterable[Path]) -> Non
 def _is_drive(folder: Path) -> bool:
     """Whether a folder is somebody's drive, or a workspace's: not what this program rendered or exported in such a layout."""
     kind = drive_at(folder)
-    if kind is None or record_of(folder / RECORD) is not None or record_of(folder / EXPORTED) is not None:
+    if kind is None:
+        return False
+    if _is_own_drive(folder):
+        return True
+    if record_of(folder / RECORD) is not None or record_of(folder / EXPORTED) is not None:
         return False
     made = record_of(folder / AROUND / EXPORTED) is not None
     return not (kind.name == "COLMAP" and made and not any((folder / name).exists() for name in MODELS))
+
+
+def _is_own_drive(folder: Path) -> bool:
+    """Whether this program made the folder as a drive, of footage or of a shot."""
+    return (record_of(folder / RECORD) or {}).get(DRIVE) is True
 
 
 def _drive_in(folder: Path) -> Path | None:

@@ -30,9 +30,9 @@ from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
 from unveil_core.pipeline.steps.import_ import labels_come_from
+from unveil_core.points.of_drive import lacks_points
 from unveil_core.semantics.labels import choose_labels
 from unveil_core.semantics.too_much import much_removed
-from unveil_core.solve.points.of_drive import lacks_points
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["Begun", "found_wrong", "look_at", "run", "run_verb", "stage_named"]

@@ -12,13 +12,14 @@ from typing import Any
 from unveil_core.base.drive_options import frame_numbers
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_own_json
+from unveil_core.base.output.stamps import mark_of
 from unveil_core.base.wording import about_as_long
-from unveil_core.solve.costs import seconds_by_step
-from unveil_core.solve.footage.kinds import is_clip, pictures_in
+from unveil_core.forecast.solving import seconds_by_step
+from unveil_core.solve.footage.kinds import files_of, is_clip, pictures_in
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.steps import facts_of_files
 
-__all__ = ["SolvePlan", "made_from", "plan_solve"]
+__all__ = ["SolvePlan", "footage_marks", "made_from", "plan_solve"]
 
 NEIGHBOURS = 5
 """Frames that each is matched with, see ``looks.pairs``."""
@@ -65,7 +66,7 @@ class SolvePlan:
 
 def made_from(inputs: Sequence[Path], settings: SolveSettings) -> str:
     """A digest of what a drive is solved from: the footage, what goes with it, and the settings."""
-    footage = [p for path in inputs for p in ([path] if path.is_file() else pictures_in(path))]
+    footage = [p for path in inputs for p in files_of(path)]
     beside: dict[str, object] = {}
     for name in ("labels", "masks", "segmenter", "gpx"):
         path = getattr(settings, name)
@@ -74,6 +75,12 @@ def made_from(inputs: Sequence[Path], settings: SolveSettings) -> str:
     asked = {k: v for k, v in asdict(settings).items() if k not in beside and k != "replace"}
     told = json.dumps([facts_of_files(footage), beside, asked], sort_keys=True, default=str)
     return hashlib.sha256(told.encode()).hexdigest()
+
+
+def footage_marks(inputs: Sequence[Path]) -> list[str]:
+    """Marks of the files of footage, by their names and sizes: footage that shares none with another is other footage, wherever it
+    lies, and however it is solved."""
+    return [mark_of(p, p.name) for path in inputs for p in files_of(path)]
 
 
 def plan_solve(inputs: Sequence[Path], record: Path, settings: SolveSettings) -> SolvePlan:

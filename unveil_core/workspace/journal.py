@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.checks.names import file_name, is_file_name, is_inside
+from unveil_core.base.disk.links import refuse_links
 from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
 from unveil_core.base.disk.rights import keep_rights, rights_of
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import full_disk, move, patiently, read_own_json, write_atomic, write_json_atomic
-from unveil_core.base.disk.links import refuse_links
 from unveil_core.workspace.made import half_written, keep_strangers, note_made
 from unveil_core.workspace.workspace import Workspace
 

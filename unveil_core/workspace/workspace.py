@@ -10,12 +10,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from unveil_core.base.disk.links import EVENTS, LOCK, refuse_links
+from unveil_core.base.disk.lock import WRITABLE, Lock
 from unveil_core.base.disk.open_safely import LARGEST_STATE, RefusedFileError, open_in_place, read_bytes
 from unveil_core.base.errors import DiskFullError, WorkspaceError
 from unveil_core.base.files import full_disk, parsed_json, read_own_json, write_json_atomic
 from unveil_core.base.output.written import GENERATOR, is_ours
-from unveil_core.base.disk.links import EVENTS, LOCK, refuse_links
-from unveil_core.base.disk.lock import WRITABLE, Lock
 
 __all__ = ["Workspace", "is_workspace"]
 

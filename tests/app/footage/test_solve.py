@@ -17,7 +17,7 @@ from unveil_core.app.parser import command_parser
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import write_json_atomic
 from unveil_core.base.output.written import GENERATOR
-from unveil_core.solve.plan import made_from
+from unveil_core.solve.plan import footage_marks, made_from
 from unveil_core.solve.settings import SolveSettings
 
 
@@ -89,8 +89,10 @@ def test_a_dry_run_goes_on_where_the_drive_is_there(tmp_path: Path, capsys: pyte
     arguments = command_parser().parse_args(words)
     # A drive as the solve leaves it, with its record.
     drive = Path(make_tiny_drive(tmp_path / "out_drive")).parent
-    record = {"state": "done", "made_from": made_from([footage], footage_settings(arguments, settings_of(arguments)))}
+    made = made_from([footage], footage_settings(arguments, settings_of(arguments)))
+    record = {"state": "done", "made_from": made, "footage_marks": footage_marks([footage])}
     write_json_atomic(drive / "solve.json", {"generator": GENERATOR, **record})
+    write_json_atomic(drive / ".unveil.json", {"generator": GENERATOR, "drive": True, "files": {}})
     assert main(words) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "solve        up to date" and any(line.startswith("reconstruct  would run") for line in lines)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from unveil_core.app.footage.time_left import with_time_left
 from unveil_core.forecast.clock import RunClock
-from unveil_core.solve.costs import about_seconds, seconds_by_step, seconds_of_frames
+from unveil_core.forecast.solving import about_seconds, seconds_by_step, seconds_of_frames
 
 
 def _event(stage: str, message: str = "", done: int = 0, total: int = 0) -> dict[str, object]:

@@ -131,6 +131,7 @@ def footage_settings(arguments: argparse.Namespace, settings: RunSettings) -> So
         labels=_path(settings.labels),
         segmenter=_path(settings.segmenter),
         camera_height=settings.camera_height,
+        replace=getattr(arguments, "replace", False),
         **own,
     )
 

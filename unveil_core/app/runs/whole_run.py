@@ -50,9 +50,12 @@ def demo(arguments: argparse.Namespace) -> int:
 
 def run_all(arguments: argparse.Namespace) -> int:
     """From a drive, a clip or photographs to the report."""
+    from unveil_core.pipeline.output_place import check_place
+
     if not is_footage_alone(arguments.drive):
         without_footage(arguments)
         return _run_and_sum_up(arguments.drive, arguments)
+    check_place(arguments.output, [arguments.drive])
     if arguments.dry_run:
         return _plan_footage(arguments)
     return _run_and_sum_up(drive_beside(arguments.output), arguments, footage=arguments.drive)

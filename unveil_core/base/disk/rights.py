@@ -5,23 +5,26 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Iterable
+from functools import reduce
+from operator import and_
 from pathlib import Path
 
 from unveil_core.base.disk.new_files import mode_like
 
-__all__ = ["keep_rights", "rights_of"]
+__all__ = ["keep_rights", "rights_of", "rights_of_files"]
 
 ANY = 0o666
 
 
 def rights_of(folders: Iterable[Path]) -> int:
     """The rights that all files in some folders and below them have in common; all rights where there are none."""
-    common = ANY
-    for folder in folders:
-        for place, _, names in os.walk(folder):
-            for name in names:
-                common &= mode_like(os.path.join(place, name))
-    return common
+    walked = (walked for folder in folders for walked in os.walk(folder))
+    return rights_of_files(os.path.join(place, name) for place, _, names in walked for name in names)
+
+
+def rights_of_files(files: Iterable[Path | str]) -> int:
+    """The same of files."""
+    return reduce(and_, map(mode_like, files), ANY)
 
 
 def keep_rights(made: Iterable[Path], rights: int) -> None:

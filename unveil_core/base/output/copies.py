@@ -18,7 +18,7 @@ from unveil_core.base.disk.open_safely import open_file, read_bytes
 from unveil_core.base.files import write_atomic, write_bytes_atomic
 from unveil_core.base.pictures.metadata import Metadata
 
-__all__ = ["LINK_VARIABLE", "copied", "copied_or_linked", "copied_png"]
+__all__ = ["LINK_VARIABLE", "copied", "copied_or_linked", "copied_png", "linked"]
 
 LINK_VARIABLE = "UNVEIL_LINK"
 """Of the environment; set to 1, imported photographs are hard links to the originals: no room is taken, and whoever writes in the
@@ -56,11 +56,15 @@ def copied_png(source: Path, destination: Path, metadata: Metadata) -> None:
 
 def copied_or_linked(source: Path, destination: Path) -> None:
     """The same; a hard link where the user chose these and the file system has them."""
-    if os.environ.get(LINK_VARIABLE) == "1":
-        destination.parent.mkdir(parents=True, exist_ok=True)
-        with suppress(OSError):
-            os.link(Path(source).resolve(), destination)
-            return
+    (linked if os.environ.get(LINK_VARIABLE) == "1" else copied)(source, destination)
+
+
+def linked(source: Path, destination: Path) -> None:
+    """Make ``destination`` a hard link to a file, which is not written through it; a copy where the file system has none."""
+    destination.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(OSError):
+        os.link(Path(source).resolve(), destination)
+        return
     copied(source, destination)
 
 

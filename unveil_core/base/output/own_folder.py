@@ -13,7 +13,7 @@ written is replaced or removed; with ``replace``, what has the name of a new fil
 from __future__ import annotations
 
 import shutil
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -55,14 +55,18 @@ class OwnFolder:
         written: what was written before, with stamps.
     """
 
-    def __init__(self, root: Path, *, replace: bool = False, mend: str = MEND) -> None:
+    def __init__(
+        self, root: Path, *, replace: bool = False, mend: str = MEND, says: Mapping[str, Any] | None = None
+    ) -> None:
         """A folder that need not be there yet.
 
         Args:
             replace: whether files that are not on the list, or that were changed since, may be written over.
             mend: of the line that tells of one.
+            says: what else stands in the list, as ``drive`` in that of a folder that is a drive.
         """
         self.root, self.new, self.replace, self.mend = Path(root), Path(root) / NEW, replace, mend
+        self.says = dict(says or {})
         self.written: dict[str, Stamp | None] = {}
         self._lock = Lock(self.root / LOCK)
         self._made: list[Path] = []
@@ -71,8 +75,8 @@ class OwnFolder:
         """Hold it, and finish what a command before left half exchanged.
 
         Raises:
-            SettingsError: it is a file. InUseError: another command works there. WorkspaceError: something in it is a link, a pipe or
-            a device, or it cannot be written.
+            SettingsError: it is a file. InUseError: another command works there. WorkspaceError: something in it is a link, a pipe
+                or a device, or it cannot be written.
         """
         if self.root.exists() and not self.root.is_dir():
             raise SettingsError("Not a folder", path=self.root, mend="name a folder with -o")
@@ -112,19 +116,13 @@ class OwnFolder:
             with suppress(OSError):
                 folder.rmdir()
 
-    @property
-    def is_ours(self) -> bool:
-        """Whether the folder is empty, or this program wrote something in it."""
-        hidden = {LOCK, NEW}
-        return record_of(self.root / RECORD) is not None or all(p.name in hidden for p in self.root.iterdir())
-
     def begin_anew(self) -> None:
         """Throw away what a command that ended before its time left among the new files."""
         shutil.rmtree(self.new, ignore_errors=True)
         self.new.mkdir(mode=0o700, exist_ok=True)
 
     def changed(self) -> list[str]:
-        """Names of the files on the list that somebody changed since; those of older versions have no stamp and count as they are."""
+        """Names of the files on the list that somebody changed since."""
         return [
             name
             for name, stamp in self.written.items()
@@ -190,7 +188,7 @@ class OwnFolder:
                 (self.root / name).unlink()
                 self._remove_empty((self.root / name).parent)
         left = {n: s for n, s in before.items() if n not in dropped and (self.root / n).is_file()}
-        write_json_atomic(self.root / RECORD, {"generator": GENERATOR, "files": left | files})
+        write_json_atomic(self.root / RECORD, {"generator": GENERATOR, **self.says, "files": left | files})
         journal.unlink()
         self.begin_anew()
 

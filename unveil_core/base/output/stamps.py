@@ -7,7 +7,7 @@ from pathlib import Path
 
 from unveil_core.base.disk.open_safely import open_file
 
-__all__ = ["Stamp", "is_unchanged", "stamp_of"]
+__all__ = ["Stamp", "is_unchanged", "mark_of", "stamp_of"]
 
 Stamp = list[int | str]
 """Bytes, nanoseconds of the last change, digest in hexadecimal; as JSON has it."""
@@ -35,6 +35,18 @@ def is_unchanged(file: Path, held: object) -> bool:
         return found.st_mtime_ns == held[1] or _digest(file) == held[2]
     except OSError:
         return False
+
+
+def mark_of(file: Path, name: str) -> str:
+    """A mark of a file by its name and size, wherever it lies: sets of footage that share none are different footage.
+
+    Args:
+        name: that stands for the file's own, as that of a frame.
+    Raises:
+        OSError: it is not there.
+    """
+    told = f"{file.stat().st_size} {name}".encode(errors="surrogateescape")
+    return hashlib.blake2b(told, digest_size=8).hexdigest()
 
 
 def _digest(file: Path) -> str:

@@ -18,6 +18,7 @@ from unveil_core.base.errors import SettingsError, UnveilError
 from unveil_core.base.files import read_own_json, write_json_atomic
 
 __all__ = [
+    "DRIVE",
     "EXPORTED",
     "GENERATOR",
     "RECORD",
@@ -33,6 +34,8 @@ __all__ = [
 
 RECORD = ".unveil.json"
 """The record of a folder whose content has no file of its own to say it in."""
+DRIVE = "drive"
+"""Key of the record of a folder that was made to be a drive: nobody's results go into it."""
 EXPORTED = "export.json"
 """The record of an exported folder, which tells what was exported, too."""
 GENERATOR = f"unveil {__version__}"

@@ -11,6 +11,7 @@ from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.checks.conventions import with_pose_convention
 from unveil_core.drives.checks.sizes import with_sizes_of_pictures
+from unveil_core.drives.checks.solved import check_whole
 from unveil_core.drives.checks.unread import unread
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.file_names import with_file_names
@@ -207,6 +208,7 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
     path, options = Path(path), options or DriveOptions()
     if not path.exists():
         raise DriveError("Not found", path=path, mend="check the path")
+    check_whole(path)
     kind = next((f for f in FORMATS if f.recognizes(path)), None)
     if kind is None:
         if (known := unread(path)) is not None:

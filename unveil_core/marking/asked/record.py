@@ -8,24 +8,23 @@ clicks.json                          this record
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import read_own_json, write_json_atomic
+from unveil_core.base.output.own_folder import OwnFolder
+from unveil_core.base.output.stamps import is_unchanged
 from unveil_core.base.output.written import GENERATOR, is_ours
 from unveil_core.drives.drive import Frame
+from unveil_core.drives.marked import CLICKS
 
 __all__ = [
-    "CLICKS",
     "MARKED",
     "OfFrame",
     "Recorded",
-    "digest",
     "edited",
     "key_of",
     "matte_name",
@@ -33,7 +32,7 @@ __all__ = [
     "write_record",
 ]
 
-CLICKS, MARKED = "clicks.json", "marked.json"
+MARKED = "marked.json"
 FIRST_NUMBER = 1001
 """Ids of marked objects begin here, where few drives have ids of their own."""
 
@@ -61,7 +60,6 @@ class Recorded:
         name: what the person calls it; folder: of its mattes, in ``mattes/``.
         id: in ``marked.json``.
         frames: what was said, by ``CAMERA/FRAME``.
-        written: digests of the mattes as they were written, likewise.
         moves: it was found by its motion.
     """
 
@@ -69,7 +67,6 @@ class Recorded:
     folder: str
     id: int
     frames: dict[str, OfFrame] = field(default_factory=dict)
-    written: dict[str, str] = field(default_factory=dict)
     moves: bool = False
 
 
@@ -83,15 +80,12 @@ def matte_name(thing: Recorded, key: str) -> str:
     return f"mattes/{thing.folder}/{key}.png"
 
 
-def digest(path: Path) -> str:
-    """Of a file's content."""
-    return hashlib.sha256(read_bytes(path)).hexdigest()[:16]
-
-
-def edited(folder: Path, thing: Recorded) -> list[str]:
-    """Frames whose mattes were painted over since they were written."""
-    files = ((key, folder / matte_name(thing, key), old) for key, old in thing.written.items())
-    return [key for key, path, old in files if path.is_file() and digest(path) != old]
+def edited(own: OwnFolder, thing: Recorded) -> list[str]:
+    """Frames, as ``CAMERA/FRAME``, whose mattes were painted over since they were written, or are somebody's from the start."""
+    folder = own.root / "mattes" / thing.folder
+    files = sorted(folder.rglob("*.png")) if folder.is_dir() else []
+    somebodys = [f for f in files if not is_unchanged(f, own.written.get(f.relative_to(own.root).as_posix()))]
+    return [f.relative_to(folder).with_suffix("").as_posix() for f in somebodys]
 
 
 def new_object(name: str, things: Iterable[Recorded], taken: Iterable[int]) -> Recorded:
@@ -132,27 +126,25 @@ def _recorded(entry: Any) -> Recorded:
         )
         for key, said in entry["frames"].items()
     }
-    written = {str(key): str(value) for key, value in entry["written"].items()}
     folder = str(entry["folder"])
     if not folder.replace("-", "_").replace("_", "a").isalnum():
         raise ValueError(f"not the name of a folder: {folder[:40]!r}")
-    return Recorded(str(entry["name"]), folder, int(entry["id"]), frames, written, bool(entry["moves"]))
+    return Recorded(str(entry["name"]), folder, int(entry["id"]), frames, bool(entry["moves"]))
 
 
-def write_record(folder: Path, things: list[Recorded]) -> None:
-    """Write ``clicks.json`` and ``marked.json``."""
+def write_record(folder: Path, things: list[Recorded], footage: list[str]) -> None:
+    """Write ``clicks.json``, with marks of the footage, and ``marked.json``."""
     objects = [
         {
             "name": t.name,
             "folder": t.folder,
             "id": t.id,
             "frames": {key: vars(said) for key, said in t.frames.items()},
-            "written": t.written,
             "moves": t.moves,
         }
         for t in things
     ]
-    write_json_atomic(folder / CLICKS, {"generator": GENERATOR, "objects": objects})
+    write_json_atomic(folder / CLICKS, {"generator": GENERATOR, "footage": footage, "objects": objects})
     marked = [
         {
             "id": t.id,

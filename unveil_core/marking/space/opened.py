@@ -14,6 +14,7 @@ from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
 from unveil_core.drives import open_drive
+from unveil_core.drives.checks.solved import is_solved
 from unveil_core.drives.drive import Drive, Footage, Frame
 from unveil_core.drives.imported import CAMERAS, read_imported
 from unveil_core.drives.importing.frames import at_work_size, working_camera
@@ -28,8 +29,6 @@ __all__ = ["Opened", "opened"]
 
 WORK_SIDE = 1024
 """Longer side of the pictures in which objects of a drive are outlined, pixels: outlines follow colours to a pixel of these."""
-SOLVED = "solve.json"
-"""Lies beside a drive whose points ``unveil solve`` found in photographs."""
 SOLID = 0.5
 """Opacity from which on a surfel is a place of the scene's surface."""
 
@@ -106,4 +105,4 @@ def _of_workspace(workspace: Workspace) -> Opened:
 
 def _measured(root: Path) -> bool:
     """Whether the points of a drive, read from a folder or file, were measured."""
-    return not ((root if root.is_dir() else root.parent) / SOLVED).is_file()
+    return not is_solved(root)

@@ -9,6 +9,7 @@ from typing import Any
 from unveil_core.base.errors import DriveError
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.checks.solved import told_of_solve
 from unveil_core.drives.drive import Drive, FrameLabels, PointCloud
 from unveil_core.drives.imported import pose_facts
 from unveil_core.drives.importing.colours import colour_notices
@@ -19,7 +20,7 @@ from unveil_core.labelling.boxes_of_points import points_have_classes, with_boxe
 from unveil_core.pipeline.outside import opened
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, StageContext
-from unveil_core.solve.points.of_drive import found_points, lacks_points
+from unveil_core.points.of_drive import found_points, lacks_points
 from unveil_core.workspace.assumptions import Assumption, assumed
 
 __all__ = ["labels_come_from", "labels_of", "run", "work_side_of"]
@@ -57,7 +58,7 @@ def run(context: StageContext) -> Facts:
     return {
         **placement.to_json(),
         "labels": source,
-        "notices": [*drive.notices, *colour_notices(imported.frames)],
+        "notices": [*told_of_solve(context.drive), *drive.notices, *colour_notices(imported.frames)],
         **assumed(tested),
     }
 

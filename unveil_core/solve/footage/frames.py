@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json, write_json_atomic
 
-__all__ = ["FootageFrame", "Reel", "read_reel", "write_reel"]
+__all__ = ["FootageFrame", "Reel", "own_names", "read_reel", "write_reel"]
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,13 @@ class Reel:
     focal_source: str = ""
     begun: float | None = None
     notices: tuple[str, ...] = ()
+
+
+def own_names(reels: Sequence[Reel]) -> dict[str, str]:
+    """By the file of each frame a name that any program reads: those of photographs have spaces and more, at which lists of COLMAP
+    are cut."""
+    files = [f.file for r in reels for f in r.frames]
+    return {file: f"{k:06d}{Path(file).suffix.lower()}" for k, file in enumerate(files)}
 
 
 def write_reel(reel: Reel, path: Path) -> None:

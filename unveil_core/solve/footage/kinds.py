@@ -8,7 +8,7 @@ from pathlib import Path
 from unveil_core.base.checks.numbers_in_names import natural_key
 from unveil_core.base.errors import DriveError
 
-__all__ = ["PICTURES", "VIDEOS", "is_clip", "is_footage", "pictures_in"]
+__all__ = ["PICTURES", "VIDEOS", "files_of", "is_clip", "is_footage", "pictures_in"]
 
 VIDEOS = (
     ".mp4",
@@ -41,6 +41,11 @@ def pictures_in(folder: Path) -> list[Path]:
     """The photographs of a folder in the order of their names, numbers by value; of it alone, not of folders in it."""
     found = [p for p in folder.iterdir() if p.suffix.lower() in PICTURES and p.is_file() and p.name[0] != "."]
     return sorted(found, key=lambda p: natural_key(p.name))
+
+
+def files_of(footage: Path) -> list[Path]:
+    """The clip, or the photographs of a folder."""
+    return [footage] if footage.is_file() else pictures_in(footage)
 
 
 def is_footage(path: Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections import Counter
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -10,10 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from unveil_core.base.checks.names import distinct_file_names
 from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.drive_options import frame_numbers
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import write_image_atomic
+from unveil_core.base.output.copies import copied
 from unveil_core.base.pictures.decoding import read_image_as_it_is, read_metadata, size_of_image
 from unveil_core.base.pictures.exif import exif_facts
 from unveil_core.base.pictures.metadata import metadata_of
@@ -52,6 +53,8 @@ def take_photographs(
         raise DriveError("has no photographs in that part", path=source, mend="give --frames within the folder")
     (images / folder).mkdir(parents=True, exist_ok=True)
     twice = {stem for stem, n in Counter(every_file[i].stem for i in chosen).items() if n > 1}
+    stems = {p: p.name.replace(".", "_") if p.stem in twice else p.stem for p in (every_file[i] for i in chosen)}
+    called = distinct_file_names(stems.values())
     found: list[FootageFrame] = []
     sizes: dict[tuple[int, int], int] = {}
     equivalents: list[float] = []
@@ -60,7 +63,7 @@ def take_photographs(
         path = every_file[number]
         content = read_bytes(path)
         turn = TURNS.get(orientation_of(content))
-        name = path.name.replace(".", "_") if path.stem in twice else path.stem
+        name = called[stems[path]]
         file = f"{name}{path.suffix}" if turn is None and path.suffix.lower() != ".webp" else f"{name}.png"
         file = f"{folder}/{file}" if folder else file
         width, height = size_of_image(content, path)
@@ -98,12 +101,11 @@ def take_photographs(
 
 def _place(path: Path, target: Path, turn: int | None) -> None:
     if turn is None and target.suffix == path.suffix:
-        shutil.copyfile(path, target.with_name(target.name + ".part"))
-        target.with_name(target.name + ".part").replace(target)
+        copied(path, target)
         return
     picture = read_image_as_it_is(path)
     upright = picture if turn is None else cv2.rotate(picture, turn)
-    write_image_atomic(target, upright, metadata=read_metadata(path).of_color)
+    write_image_atomic(target, upright, like=path, metadata=read_metadata(path).of_color)
 
 
 def _seconds(taken: str | None, offset_s: float | None) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
@@ -116,16 +116,17 @@ def not_street(frame: FootageFrame, size: tuple[int, int], label: Path | None, b
 
 
 def write_feature_masks(
-    frames: Sequence[FootageFrame],
+    frames: Mapping[FootageFrame, str],
     size: tuple[int, int],
     folder: Path,
     labels: dict[FootageFrame, Path],
     masks: dict[FootageFrame, Path],
     bonnet: Mask | None,
 ) -> None:
-    """Write where features are looked for, as COLMAP takes it: ``FILE.png``, 0 = not here.
+    """Write where features are looked for, as COLMAP takes it: ``NAME.png``, 0 = not here.
 
     Args:
+        frames: with the name that COLMAP knows each by;
         size: width, height of the frames; bonnet: (h, w) of any size.
     """
     width, height = size
@@ -145,10 +146,10 @@ def write_feature_masks(
             hidden |= own.astype(np.uint8)
         return None if not hidden.any() else hidden == 0
 
-    for frame in frames:
+    for frame, name in frames.items():
         free = allowed(frame)
         if free is not None:
-            place = folder / f"{frame.file}.png"
+            place = folder / f"{name}.png"
             place.parent.mkdir(parents=True, exist_ok=True)
             write_image_atomic(place, np.where(free, np.uint8(255), np.uint8(0)))
 

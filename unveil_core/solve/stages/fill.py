@@ -12,12 +12,12 @@ from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import read_points, write_points
+from unveil_core.points.cloud import dense_points
+from unveil_core.points.straight import straightened
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import FootageFrame, Reel
 from unveil_core.solve.mapping.model import Model
 from unveil_core.solve.placing import Placed, placed, up_and_height
-from unveil_core.solve.points.cloud import dense_points
-from unveil_core.solve.points.straight import straightened
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.stages.look import Looked
 from unveil_core.solve.steps import Steps
@@ -38,7 +38,7 @@ def place_and_fill(
     model: Model,
     reels: Sequence[Reel],
     looked: Looked,
-    output: Path,
+    images: Path,
     settings: SolveSettings,
     steps: Steps,
     events: Events,
@@ -48,17 +48,17 @@ def place_and_fill(
     cloud_place = steps.folder / "points.ply"
     up, source, height = up_and_height(model, cameras, PointCloud(model.points))
     before = steps.begin("points", None)
-    if before is not None and cloud_place.is_file():
+    if before is not None:
         events.end("points", "up to date")
         cloud = read_points(cloud_place)
     else:
         progress = events.begin("points")
-        views = _Views(model, owner, looked, output)
+        views = _Views(model, owner, looked, images)
         cloud = dense_points(views.cameras, views.tracks, views.picture, up, height, progress)
         if not len(cloud.positions):
             cloud = PointCloud(model.points, np.full((len(model.points), 3), 128, np.uint8))
         write_points(cloud, cloud_place)
-        steps.done("points", {"points": len(cloud.positions)})
+        steps.done("points", {"points": len(cloud.positions)}, [cloud_place])
         events.end("points")
     up, source, height = up_and_height(model, cameras, cloud)
     where = placed(model, reels, up, source, height, settings)
@@ -69,8 +69,8 @@ def place_and_fill(
 class _Views:
     """The frames of a model as points are found in them."""
 
-    def __init__(self, model: Model, owner: dict[str, FootageFrame], looked: Looked, output: Path) -> None:
-        self.model, self.owner, self.looked, self.images = model, owner, looked, output / "images"
+    def __init__(self, model: Model, owner: dict[str, FootageFrame], looked: Looked, images: Path) -> None:
+        self.model, self.owner, self.looked, self.images = model, owner, looked, images
         self.lenses = [straightened(lens.camera(np.eye(4)), lens.distortion) for lens in model.lenses]
         self.cameras = [
             replace(self.lenses[int(k)].camera, world_to_camera=pose)

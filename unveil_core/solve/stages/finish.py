@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from unveil_core.base.files import write_bytes_atomic, write_json_atomic
-from unveil_core.base.output.written import GENERATOR
+from unveil_core.base.output.copies import copied
+from unveil_core.base.output.own_folder import OwnFolder
+from unveil_core.base.output.written import GENERATOR, files_in
 from unveil_core.base.pictures.decoding import read_label_image
+from unveil_core.drives.checks.solved import SOLVED
 from unveil_core.solve.drive_files import write_drive
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import FootageFrame, Reel
@@ -23,10 +26,12 @@ from unveil_core.solve.stages.fill import Found
 from unveil_core.solve.stages.look import Looked
 from unveil_core.solve.stages.mapping import known_focal, lens_of
 
-__all__ = ["RECORD", "finish"]
+__all__ = ["PAGE", "RECORD", "finish"]
 
-RECORD = "solve.json"
-"""What a solve found, in the drive's folder: the program's mark on it, too."""
+RECORD, PAGE = SOLVED, "solve.html"
+"""What a solve found, in the drive's folder, for programs and for people."""
+PICTURES = ("semantics", "masks")
+"""Folders of what came with the frames: who mends a picture there keeps it."""
 
 
 def finish(
@@ -34,16 +39,37 @@ def finish(
     found: Found,
     reels: Sequence[Reel],
     looked: Looked,
-    output: Path,
+    images: Path,
+    own: OwnFolder,
     settings: SolveSettings,
     events: Events,
-    made_from: str,
+    made_from: dict[str, Any],
     seconds: float,
+    rights: int,
 ) -> dict[str, Any]:
+    """Write all but the frames among the new files, and put these and the frames in their places.
+
+    Args:
+        images: where the frames are; made_from: what tells later of what the drive was solved; rights: of the footage.
+    Returns:
+        what ``solve.json`` holds.
+    Raises:
+        SettingsError: a file that somebody changed would be replaced.
+    """
     frames = [f for r in reels for f in r.frames]
-    labels = _kept(looked.labels, output, "semantics")
-    masks = _kept(looked.masks, output, "masks")
-    write_drive(output, found.model, reels, found.points, sure_of_metres=found.placed.known, labels=labels, masks=masks)
+    for left in own.new.iterdir():  # by an attempt that was ended here
+        if left != images:
+            shutil.rmtree(left) if left.is_dir() else left.unlink()
+    mended = {n for n in own.changed() if n.split("/")[0] in PICTURES}
+    labels = _kept(looked.labels, own, PICTURES[0], mended)
+    masks = _kept(looked.masks, own, PICTURES[1], mended)
+    if mended:
+        events.notice(
+            "write", f"{len(mended)} pictures of labels or masks were changed since, and stay: {min(mended)} the first"
+        )
+    write_drive(
+        own.new, found.model, reels, found.points, sure_of_metres=found.placed.known, labels=labels, masks=masks
+    )
     for reel in reels:
         _tell_of_focal(model, reel, settings, events)
     placed_frames = set(found.model.names)
@@ -52,8 +78,8 @@ def finish(
     facts: dict[str, Any] = {
         "generator": GENERATOR,
         "state": "done",
-        "made_from": made_from,
-        "footage": [r.source for r in reels],
+        **made_from,
+        "footage": [Path(r.source).name for r in reels],
         "frames": len(frames),
         "placed": sum(f.file in placed_frames for f in frames),
         "solved": int(np.isfinite(errors).sum()),
@@ -72,9 +98,11 @@ def finish(
     }
     level = "notice" if found.placed.known else "warning"
     events.notice("write", f"scale: {found.placed.told}", level)
-    page = solve_page(found.model, reels, found.points, facts, output / "images")
-    write_bytes_atomic(output / "solve.html", page.encode("utf-8", "replace"))
-    write_json_atomic(output / RECORD, facts)
+    page = solve_page(found.model, reels, found.points, facts, images)
+    write_bytes_atomic(own.new / PAGE, page.encode("utf-8", "replace"))
+    write_json_atomic(own.new / RECORD, facts)
+    stay = {f"{images.name}/{f.file}" for f in frames} | {*labels.values(), *masks.values(), *files_in(own.new)}
+    own.exchange(drop=set(own.written) - stay, rights=rights)
     events.end("write")
     return facts
 
@@ -106,14 +134,13 @@ def _lens_facts(model: Model, reel: Reel, settings: SolveSettings) -> dict[str, 
     }
 
 
-def _kept(pictures: dict[FootageFrame, Path], output: Path, folder: str) -> dict[FootageFrame, str]:
-    """Copies of pictures of frames in the drive, by frame, relative to it."""
+def _kept(pictures: dict[FootageFrame, Path], own: OwnFolder, folder: str, mended: set[str]) -> dict[FootageFrame, str]:
+    """Copies of pictures of frames among the new files, but for mended ones; their names in the drive, by frame."""
     found = {}
     for frame, source in pictures.items():
-        target = (output / folder / frame.file).with_suffix(".png")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if source.resolve() != target.resolve():
+        name = Path(folder, frame.file).with_suffix(".png").as_posix()
+        if name not in mended:
             read_label_image(source)  # whatever is no picture is told here, with its name
-            shutil.copyfile(source, target)
-        found[frame] = target.relative_to(output).as_posix()
+            copied(source, own.new / name)
+        found[frame] = name
     return found

@@ -12,9 +12,10 @@ import numpy as np
 
 from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_own_json, write_atomic, write_json_atomic
 from unveil_core.base.types import Mask
 from unveil_core.solve.events import Events
-from unveil_core.solve.footage.frames import FootageFrame, Reel
+from unveil_core.solve.footage.frames import FootageFrame, Reel, own_names
 from unveil_core.solve.looks.choice import chosen_frames
 from unveil_core.solve.looks.hidden import bonnet_of, by_frame, labelled, not_street, write_feature_masks
 from unveil_core.solve.looks.motion import motion_of
@@ -22,7 +23,7 @@ from unveil_core.solve.looks.pairs import frame_pairs, loops_of
 from unveil_core.solve.looks.refusals import check_can_work
 from unveil_core.solve.looks.thumbs import take_thumbs
 from unveil_core.solve.settings import SolveSettings
-from unveil_core.solve.steps import Steps
+from unveil_core.solve.steps import Steps, facts_of_files
 
 __all__ = ["Looked", "look"]
 
@@ -44,17 +45,17 @@ class Looked:
     facts: dict[str, Any]
 
 
-def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: Steps, events: Events) -> Looked:
+def look(reels: Sequence[Reel], images: Path, settings: SolveSettings, steps: Steps, events: Events) -> Looked:
     frames = [f for r in reels for f in r.frames]
     labels = {} if settings.labels is None else by_frame(settings.labels, frames, "labels")
     masks = {} if settings.masks is None else by_frame(settings.masks, frames, "masks")
     bonnets_file = steps.folder / "bonnets.npz"
     facts = steps.begin("look", None)
-    if facts is None or not bonnets_file.is_file():
+    if facts is None:
         progress = events.begin("look")
         chosen, loops, bonnets, standing, blurred, notices, grey = [], [], {}, 0, 0, [], 255.0
         for reel in reels:
-            thumbs = take_thumbs(output / "images", reel.frames, progress)
+            thumbs = take_thumbs(images, reel.frames, progress)
             if len(reel.frames) < 2:
                 raise DriveError("Too few frames: 1", path=reel.source, mend="give more of the clip")
             motion = motion_of(thumbs, progress)
@@ -68,7 +69,7 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
             grey = min(grey, float(np.median(thumbs.brightness)))
             if bonnet is not None:
                 bonnets[reel.camera] = bonnet
-        np.savez(bonnets_file, **bonnets)  # type: ignore[arg-type]
+        write_atomic(bonnets_file, lambda stream: np.savez(stream, **bonnets))  # type: ignore[arg-type]
         facts = steps.done(
             "look",
             {
@@ -80,6 +81,7 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
                 "grey": round(grey, 1),
                 "notices": notices,
             },
+            [bonnets_file],
         )
         events.end("look")
     else:
@@ -87,15 +89,18 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
     for line in facts["notices"]:
         events.notice("look", line, "warning")
     if settings.segmenter is not None:
-        labels = labelled(settings.segmenter, output / "images", frames, output / "semantics", events.progress("label"))
+        labels = labelled(
+            settings.segmenter, images, frames, _labels_of(settings.segmenter, steps), events.progress("label")
+        )
     with open_file(bonnets_file) as file, np.load(file) as held:
         found = {k: held[k] for k in held.files}
     masks_folder = steps.folder / "masks"
     shutil.rmtree(masks_folder, ignore_errors=True)
     sizes = {r.camera: r.size for r in reels}
+    called = own_names(reels)
     for reel, names in zip(reels, facts["chosen"], strict=True):
         wanted = set(names)
-        some = [f for f in reel.frames if f.file in wanted]
+        some = {f: called[f.file] for f in reel.frames if f.file in wanted}
         write_feature_masks(some, reel.size, masks_folder, labels, masks, found.get(reel.camera))
     if facts["standing"]:
         events.notice("look", f"the camera stands in {facts['standing']} frames: they are placed by their neighbours")
@@ -108,6 +113,20 @@ def look(reels: Sequence[Reel], output: Path, settings: SolveSettings, steps: St
         bool(found),
         facts,
     )
+
+
+def _labels_of(segmenter: Path, steps: Steps) -> Path:
+    """The folder of the labels that a network found in these frames: empty where another one wrote it, or it is of other frames."""
+    folder, mark = steps.folder / "labels", steps.folder / "labels.json"
+    by = {"made_from": steps.chain, "network": facts_of_files([segmenter])}
+    try:
+        same = read_own_json(mark) == by
+    except (OSError, ValueError):
+        same = False
+    if not same:
+        shutil.rmtree(folder, ignore_errors=True)
+        write_json_atomic(mark, by)
+    return folder
 
 
 def _pairs(chosen: list[list[str]], loops: list[tuple[str, str]]) -> list[tuple[str, str]]:

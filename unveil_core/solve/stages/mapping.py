@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,11 @@ import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_own_json, write_json_atomic
+from unveil_core.base.output.copies import linked
 from unveil_core.base.wording import about_as_long
-from unveil_core.solve.costs import LONGEST_SIDE, about_seconds
+from unveil_core.forecast.solving import LONGEST_SIDE, about_seconds
 from unveil_core.solve.events import Events
-from unveil_core.solve.footage.frames import Reel
+from unveil_core.solve.footage.frames import Reel, own_names
 from unveil_core.solve.looks.refusals import DARK, too_dark
 from unveil_core.solve.mapping.model import Model, read_model
 from unveil_core.solve.mapping.process import mapped
@@ -25,6 +26,7 @@ from unveil_core.solve.steps import Steps, facts_of_files
 
 __all__ = ["known_focal", "lens_of", "map_frames"]
 
+PICTURES = "pictures"
 MODELS = {"simple": "SIMPLE_RADIAL", "opencv": "OPENCV", "fisheye": "OPENCV_FISHEYE"}
 GUESSED_FOCAL = 0.9
 """Of the longer side: a field of view of 58 degrees, between phones (0.7) and dashboard cameras' crops (1.2)."""
@@ -47,21 +49,22 @@ level, which rises by 1 in 50 otherwise. Where the centre is in the middle, or t
 
 
 def map_frames(
-    reels: Sequence[Reel], looked: Looked, output: Path, settings: SolveSettings, steps: Steps, events: Events
+    reels: Sequence[Reel], looked: Looked, images: Path, settings: SolveSettings, steps: Steps, events: Events
 ) -> Model:
     focal = {r.camera: known_focal(r, settings) for r in reels}
     labels = facts_of_files([*looked.labels.values(), *looked.masks.values()])
     made_from = [labels, settings.lens, focal, settings.thorough]
     place = steps.folder / "model.npz"
     before = steps.begin("map", made_from)
-    if before is not None and place.is_file():
+    called = own_names(reels)
+    if before is not None:
         events.end("map", "up to date")
         _told_of_mapping(before, events)
-        return read_model(place)
+        return _read(place, called)
     _forecast(reels, looked, settings, events)
     known = all(f is not None for f, _ in focal.values())
     count = sum(len(names) for names in looked.chosen)
-    work = _Work(reels, looked, output, settings, steps, events, focal, known, count)
+    work = _Work(reels, looked, images, called, settings, steps, events, focal, known, count)
     answer = work.attempt(place, settings.thorough)
     grey = float(looked.facts.get("grey", 255))
     if answer["registered"] < 3 and grey < DARK:  # more features would be more noise
@@ -80,11 +83,18 @@ def map_frames(
             "--frames A:B",
         )
     facts = {**answer, "chosen": count, "focal_given": {c: s for c, (_, s) in focal.items()}}
-    steps.done("map", facts)
+    steps.done("map", facts, [place])
     work.tidy()
     events.end("map")
     _told_of_mapping(facts, events)
-    return read_model(place)
+    return _read(place, called)
+
+
+def _read(place: Path, called: dict[str, str]) -> Model:
+    """The model that COLMAP made, of the frames by their own names; in the order of these."""
+    model = read_model(place)
+    file = {name: file for file, name in called.items()}
+    return replace(model, names=tuple(file[n] for n in model.names)).with_pictures([], [], [])
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +103,8 @@ class _Work:
 
     reels: Sequence[Reel]
     looked: Looked
-    output: Path
+    images: Path
+    called: dict[str, str]
     settings: SolveSettings
     steps: Steps
     events: Events
@@ -109,13 +120,13 @@ class _Work:
         masks = folder / "masks"
         cameras = [
             {
-                "names": names,
+                "names": [self.called[n] for n in names],
                 "model": MODELS[lens],
                 "parameters": _first_parameters(reel, self.focal[reel.camera][0], lens, GUESSED_FOCAL),
             }
             for reel, names in zip(self.reels, self.looked.chosen, strict=True)
         ]
-        common = {"database": str(database), "pictures": str(self.output / "images")}
+        common = {"database": str(database), "pictures": str(self._pictures())}
         features = {
             "do": "features",
             "cameras": cameras,
@@ -126,7 +137,7 @@ class _Work:
         }
         mapped({**common, **features}, self.events.begin("features"))
         self.events.end("features")
-        request = {**common, "do": "match", "pairs": self.looked.pairs}
+        request = {**common, "do": "match", "pairs": [(self.called[a], self.called[b]) for a, b in self.looked.pairs]}
         pairs = mapped(request, self.events.begin("match"))["pairs"]
         self.events.end("match")
         if thorough:
@@ -146,9 +157,18 @@ class _Work:
             "centre_gain": CENTRE_GAIN,
             "lenses": FREER,
             "always_bent": lens != "simple",
-            "starts": _starts(self.reels, self.looked.chosen, self.focal, lens),
+            "starts": _starts(self.reels, [[self.called[n] for n in c] for c in self.looked.chosen], self.focal, lens),
         }
         return mapped({**common, **mapping}, self.events.begin("map"))
+
+    def _pictures(self) -> Path:
+        """The chosen frames by the names that COLMAP knows them by."""
+        folder = self.steps.folder / PICTURES
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        for name in (n for names in self.looked.chosen for n in names):
+            linked(self.images / name, folder / self.called[name])
+        return folder
 
     def _forget_other_features(self, database: Path) -> None:
         """A database of other frames or settings is of no use; one that this solve was ended at is gone on with."""
@@ -164,7 +184,8 @@ class _Work:
 
     def tidy(self) -> None:
         """Take away what only a solve that was ended needs: features take a megabyte a frame."""
-        shutil.rmtree(self.steps.folder / "models", ignore_errors=True)
+        for name in ("models", PICTURES):
+            shutil.rmtree(self.steps.folder / name, ignore_errors=True)
         for file in self.steps.folder.glob("database_*"):
             file.unlink()
 

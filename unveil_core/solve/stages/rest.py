@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.disk.open_safely import open_file
+from unveil_core.base.files import write_atomic
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.solve.events import Events
 from unveil_core.solve.footage.frames import Reel
@@ -21,14 +22,13 @@ from unveil_core.solve.steps import Steps
 __all__ = ["place_rest"]
 
 
-def place_rest(model: Model, reels: Sequence[Reel], output: Path, steps: Steps, events: Events) -> Model:
+def place_rest(model: Model, reels: Sequence[Reel], images: Path, steps: Steps, events: Events) -> Model:
     place = steps.folder / "every.npz"
     before = steps.begin("rest", None)
-    if before is not None and place.is_file():
+    if before is not None:
         events.end("rest", "up to date")
         return _read_every(model, place)
     progress = events.begin("rest")
-    images = output / "images"
     lens = {r.camera: number for r in reels for number in [lens_of(model, r)] if number is not None}
     owner = {f.file: r.camera for r in reels for f in r.frames}
     times = {f.file: f.time_s for r in reels for f in r.frames if f.time_s is not None}
@@ -39,10 +39,11 @@ def place_rest(model: Model, reels: Sequence[Reel], output: Path, steps: Steps, 
     every, errors, between = placed_rest(
         model, [[f.file for f in r.frames] for r in reels], lambda n: lens[owner[n]], grey, times, progress
     )
-    np.savez(place, names=np.array(every.names), lens=every.lens, poses=every.poses)
+    arrays = {"names": np.array(every.names), "lens": every.lens, "poses": every.poses}
+    write_atomic(place, lambda stream: np.savez(stream, **arrays))  # type: ignore[arg-type]
     known = [e for e in errors.values() if np.isfinite(e)]
     facts = {"added": len(errors), "between": list(between), "px": float(np.median(known)) if known else None}
-    steps.done("rest", {**facts, "errors": {n: round(e, 3) for n, e in errors.items() if np.isfinite(e)}})
+    steps.done("rest", {**facts, "errors": {n: round(e, 3) for n, e in errors.items() if np.isfinite(e)}}, [place])
     events.end("rest")
     if between:
         events.notice(

@@ -13,7 +13,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask, Picture
 from unveil_core.drives.drive import PointCloud
 from unveil_core.geometry.camera import Camera
-from unveil_core.solve.points.flow import Ground, Looked, depth_by_flow
+from unveil_core.points.flow import Ground, Looked, depth_by_flow
 
 __all__ = ["WORK_PX", "compared_frames", "dense_points"]
 

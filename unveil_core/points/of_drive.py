@@ -15,8 +15,8 @@ from unveil_core.drives.labels.reading import semantics_of
 from unveil_core.drives.photographs import photograph
 from unveil_core.drives.scale_and_up import camera_height, measured_up
 from unveil_core.geometry.camera import Camera
-from unveil_core.solve.points.cloud import dense_points
-from unveil_core.solve.points.straight import Straightened, straightened
+from unveil_core.points.cloud import dense_points
+from unveil_core.points.straight import Straightened, straightened
 
 __all__ = ["found_points", "lacks_points"]
 

@@ -15,9 +15,9 @@ from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
-from unveil_core.solve.points.of_drive import found_points, lacks_points
+from unveil_core.points.of_drive import found_points, lacks_points
 
-STREET = Path(__file__).parents[3] / "sample_scenes/parked_street"
+STREET = Path(__file__).parents[2] / "sample_scenes/parked_street"
 
 
 def bare_street(folder: Path, frames: str = "8:16") -> Path:

@@ -11,7 +11,7 @@ from unveil_core.base.types import Float32, Mask, Picture
 from unveil_core.drives.drive import Distortion
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import FISHEYE
-from unveil_core.solve.points.cloud import WORK_PX
+from unveil_core.points.cloud import WORK_PX
 
 __all__ = ["Straightened", "straightened"]
 
