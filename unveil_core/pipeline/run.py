@@ -14,10 +14,11 @@ from unveil_core.base.kernels.device import check_device
 from unveil_core.base.progress import Progress
 from unveil_core.drives.checks.findings import Finding, worst_first
 from unveil_core.drives.checks.look_over import looked_over
+from unveil_core.drives.checks.solved import told_of_solve
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.importing.check import Checked, check_drive
 from unveil_core.drives.importing.colours import colour_notices
-from unveil_core.drives.marked import marked_objects
+from unveil_core.drives.marked import marked_objects, told_of_footage
 from unveil_core.drives.scale_and_up import Placement, place_drive
 from unveil_core.drives.selecting import named_frames
 from unveil_core.labelling.segmenter import NO_LABELS_HELP
@@ -167,7 +168,9 @@ def look_at(
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
     if bare:
         notices = [Notice("import", FEW_POINTS.format(len(read.points.positions) or "no"), "notice")]
-    notices += [Notice("import", line, "warning") for line in (*read.notices, *colour_notices(read.frames))]
+    notices += [Notice("import", line, "notice") for line in told_of_solve(Path(drive))]
+    marked = () if settings.marked is None else told_of_footage(Path(settings.marked), read.frames)
+    notices += [Notice("import", line, "warning") for line in (*marked, *read.notices, *colour_notices(read.frames))]
     notices += [] if not findings else [_worst(findings)]
     if labels == "nothing" and settings.marked is None:
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))

@@ -9,7 +9,6 @@ from typing import Any
 from unveil_core.base.errors import DriveError
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives.checks.solved import told_of_solve
 from unveil_core.drives.drive import Drive, FrameLabels, PointCloud
 from unveil_core.drives.imported import pose_facts
 from unveil_core.drives.importing.colours import colour_notices
@@ -58,7 +57,7 @@ def run(context: StageContext) -> Facts:
     return {
         **placement.to_json(),
         "labels": source,
-        "notices": [*told_of_solve(context.drive), *drive.notices, *colour_notices(imported.frames)],
+        "notices": [*drive.notices, *colour_notices(imported.frames)],
         **assumed(tested),
     }
 

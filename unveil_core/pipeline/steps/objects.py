@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.drive import Drive, instants
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.marked import marked_objects, told_of_footage
+from unveil_core.drives.marked import marked_objects
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.pipeline.stage import Facts, StageContext
+from unveil_core.pipeline.stage import StageContext
 from unveil_core.semantics.catalogue import best_sighting, thumbnail
 from unveil_core.semantics.labels import SceneLabels, find_labels
 from unveil_core.semantics.objects import (
@@ -25,7 +23,7 @@ from unveil_core.workspace.files import save_array
 __all__ = ["run"]
 
 
-def run(context: StageContext) -> Facts:
+def run(context: StageContext) -> None:
     """objects.json and objects/: what can be chosen, with pictures, and class and object of each of the drive's points."""
     drive = read_imported(context.workspace.drive_dir)
     scene = find_labels(drive)
@@ -41,8 +39,6 @@ def run(context: StageContext) -> Facts:
         context.output("objects.json"),
         {"axes": up_frame(UP).tolist(), "source": scene.source, "classes": _classes(scene, found), "objects": entries},
     )
-    marked = context.settings.marked
-    return {"notices": [] if marked is None else list(told_of_footage(Path(marked), drive.frames))}
 
 
 def _entry(context: StageContext, drive: Drive, thing: SceneObject) -> dict[str, object]:
