@@ -17,7 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from .files import copied, move, own_folder, patiently, write_whole
+from .files import copied, free_name, move, own_folder, patiently, write_whole
 from .open_safely import LARGEST_PICTURE, read_bytes
 
 __all__ = [
@@ -126,11 +126,7 @@ def _keep_painted(target: Path, file: Path) -> None:
             return
     except OSError:
         return
-    aside, number = target.with_name(f"{target.stem}_painted{target.suffix}"), 1
-    while aside.exists():
-        number += 1
-        aside = target.with_name(f"{target.stem}_painted_{number}{target.suffix}")
-    move(target, aside)
+    move(target, free_name(target, "_painted"))
 
 
 def _is_shared(file: Path) -> bool:

@@ -10,6 +10,7 @@ import pytest
 
 from blender_addon.formats.shot.lens import PLAIN, ClipLensError, opencv_of_clip
 from blender_addon.formats.shot.numbering import clip_plates, image_plates, numbered_name
+from blender_addon.formats.shot.place import shot_folder
 from blender_addon.formats.shot.writer import Shot, ShotFrame, write_shot
 from unveil_core.drives.formats.registry import open_drive
 from unveil_core.drives.importing.whole_drive import localized
@@ -107,7 +108,8 @@ def written(folder: Path, points: np.ndarray | None) -> Path:
         pose = np.array([[1, 0, 0, 500.25], [0, 0, -1, 2.0 * k], [0, 1, 0, 1.5], [0, 0, 0, 1]])
         frames.append(ShotFrame(1001 + k, picture, pose, (50.0, 51.0), (30.0, 21.0)))
     lens = (-0.1, 0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0)
-    return write_shot(folder / "shot", Shot("cam A", (60, 40), 24.0, tuple(frames), lens, points))
+    with shot_folder(folder / "shot", mend="move it") as files:
+        return write_shot(files, Shot("cam A", (60, 40), 24.0, tuple(frames), lens, points))
 
 
 def test_the_core_reads_what_is_written(tmp_path: Path) -> None:
