@@ -12,7 +12,7 @@ import bpy
 from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
 from ..formats.drive_files import DriveFrame, ImportedDrive, file_name, read_drive
-from ..formats.files import own_folder, write_changed
+from ..formats.files import discard, own_folder, write_changed
 from ..formats.object_files import read_fixes
 from ..formats.open_safely import LARGEST_PICTURE, read_bytes
 from ..formats.sequences import SIGNATURE
@@ -106,7 +106,7 @@ def forget(scene: bpy.types.Scene, index: int) -> None:
     listed.active_fix = min(listed.active_fix, max(len(listed.fixes) - 1, 0))
     blocks.remove(bpy.data.images, image)
     if not len(listed.fixes):
-        file.unlink(missing_ok=True)
+        discard(file)
     else:
         write(scene)
 

@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 
-from ..formats.files import free_name, move, write_whole
+from ..formats.files import discard, free_name, move, write_whole
 from ..formats.open_safely import LARGEST_PICTURE, read_bytes
 
 __all__ = ["BEFORE", "begin_copy", "is_painted", "leave", "put_aside"]
@@ -48,8 +47,7 @@ def put_aside(folder: Path, frame: str) -> None:
     one = _content(folder, frame)
     if one is not None and one != _content(folder, frame + BEFORE):
         move(folder / f"{frame}.png", free_name(folder / f"{frame}.png", FORGOTTEN))
-    with suppress(FileNotFoundError):
-        (folder / (frame + FORGOTTEN)).unlink()
+    discard(folder / (frame + FORGOTTEN))
 
 
 def _content(folder: Path, name: str) -> bytes | None:

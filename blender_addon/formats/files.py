@@ -20,6 +20,7 @@ from .open_safely import LARGEST_PICTURE, LARGEST_STATE, open_file, read_bytes
 
 __all__ = [
     "copied",
+    "discard",
     "file_stamp",
     "files_stamp",
     "free_name",
@@ -30,6 +31,7 @@ __all__ = [
     "own_folder",
     "patiently",
     "readable_as",
+    "set_time_of",
     "shown",
     "write_changed",
     "write_whole",
@@ -65,6 +67,12 @@ def patiently(act: Callable[..., object], *arguments: object) -> None:
 def move(source: Path, target: Path) -> None:
     """Rename a file, in the place of another one; see :func:`patiently`."""
     patiently(os.replace, source, target)
+
+
+def discard(path: Path) -> None:
+    """Remove a file, where it is there; see :func:`patiently`."""
+    with suppress(FileNotFoundError):
+        patiently(path.unlink)
 
 
 def file_stamp(path: str | Path) -> str:
@@ -147,6 +155,16 @@ def readable_as(path: Path, like: Path) -> None:
     os.chmod(path, stat.S_IMODE(os.stat(path).st_mode) & rights)
 
 
+def set_time_of(path: Path, other: Path) -> None:
+    """Give a file the time of the one that it is made of.
+
+    Raises:
+        OSError: times cannot be set there.
+    """
+    times = other.stat()
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+
 def write_changed(path: Path, content: bytes) -> None:
     """The same where the file holds something else: whoever compares times finds nothing new."""
     with suppress(OSError):  # what cannot be read is replaced
@@ -178,8 +196,7 @@ def copied(source: Path, target: Path) -> None:
         with open_file(source, LARGEST_PICTURE) as content, _new(partial, source) as stream:
             if not _cloned(content.fileno(), stream.fileno()):
                 shutil.copyfileobj(content, stream, 1 << 20)
-        times = source.stat()
-        os.utime(partial, ns=(times.st_atime_ns, times.st_mtime_ns))
+        set_time_of(partial, source)
         move(partial, target)
     except BaseException:
         partial.unlink(missing_ok=True)

@@ -20,7 +20,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from ..files import is_link, move, patiently, write_whole
+from ..files import discard, is_link, move, write_whole
 from ..open_safely import LARGEST_SCENE, LARGEST_TEXT, open_file, read_bytes
 
 __all__ = ["NewFiles", "Somebodys", "new_files", "record_of"]
@@ -134,7 +134,7 @@ class NewFiles:
             move(self._partial / name, self.folder / name)
         for name in set(self.before) - set(new) - set(self._kept):
             if _stamp(self.folder / name) == self._stamps[name]:
-                patiently((self.folder / name).unlink)
+                discard(self.folder / name)
                 with suppress(OSError):  # something else is in it
                     (self.folder / name).parent.rmdir()
         self._record = {**({"of": self.of} if self.of else {}), "files": {**self._kept, **new}}
@@ -149,7 +149,7 @@ class NewFiles:
         if mine and self._record:
             self._note()
         elif mine:
-            (self.folder / RECORD).unlink()
+            discard(self.folder / RECORD)
             with suppress(OSError):  # something else is in it
                 self.folder.rmdir()
 
