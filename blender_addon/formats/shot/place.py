@@ -10,13 +10,11 @@ from pathlib import Path
 
 from ..files import is_link
 from ..open_safely import LARGEST_TEXT, read_bytes
-from ..writing.new_files import NewFiles, new_files
+from ..writing.new_files import GENERATOR, NewFiles, new_files
 
-__all__ = ["CAMERAS", "GENERATOR", "POINTS", "NoPlace", "check_place", "shot_folder"]
+__all__ = ["CAMERAS", "POINTS", "NoPlace", "check_place", "shot_folder"]
 
 CAMERAS, POINTS, PICTURES = "transforms.json", "points.ply", "images/*.png"
-GENERATOR = "Unveil in Blender"
-"""Who made a drive, as its :data:`CAMERAS` says."""
 DRIVES = (
     *(CAMERAS, "transforms_train.json", "transforms_val.json", "transforms_test.json", "workspace.json"),
     *("sparse/0", "points3D.bin", "points3D.txt", "scenario.pt", "pointcloud.npz", "city_SE3_egovehicle.feather"),

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ..files import write_whole
-from ..writing.new_files import NewFiles
+from ..writing.new_files import GENERATOR, NewFiles
 from .lens import PLAIN
-from .place import CAMERAS, GENERATOR, POINTS
+from .place import CAMERAS, POINTS
 
 __all__ = ["Shot", "ShotFrame", "write_shot"]
 

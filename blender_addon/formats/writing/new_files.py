@@ -23,10 +23,11 @@ from typing import Any
 from ..files import discard, is_link, move, write_whole
 from ..open_safely import LARGEST_SCENE, LARGEST_TEXT, open_file, read_bytes
 
-__all__ = ["NewFiles", "Somebodys", "new_files", "record_of"]
+__all__ = ["GENERATOR", "NewFiles", "Somebodys", "new_files", "record_of"]
 
 RECORD = ".unveil.json"
-GENERATOR = "unveil in Blender"
+GENERATOR = "Unveil in Blender"
+"""Who wrote the folder. Where the command itself did, it may write there again; a shot is somebody's drive to it."""
 LISTS = ("files", "coming")
 """Of a record: digests by name of what was written, and of what is about to get its name."""
 LITTER = {".ds_store", "thumbs.db", "desktop.ini"}
@@ -191,10 +192,10 @@ class NewFiles:
 
 
 def record_of(folder: Path) -> dict[str, Any]:
-    """What the record in a folder tells; empty where there is none, or none of Unveil."""
+    """What the record in a folder tells; empty where there is none, or none of this add-on."""
     with suppress(OSError, ValueError, RecursionError):
         content = json.loads(read_bytes(folder / RECORD, LARGEST_TEXT))
-        if isinstance(content, dict) and str(content.pop("generator", "")).split(" ")[0] == "unveil":
+        if isinstance(content, dict) and content.pop("generator", "") == GENERATOR:
             return {key: value for key, value in content.items() if key not in LISTS or isinstance(value, dict)}
     return {}
 

@@ -12,8 +12,10 @@ from blender_addon.formats.shot.lens import PLAIN, ClipLensError, opencv_of_clip
 from blender_addon.formats.shot.numbering import clip_plates, image_plates, numbered_name
 from blender_addon.formats.shot.place import shot_folder
 from blender_addon.formats.shot.writer import Shot, ShotFrame, write_shot
+from unveil_core.base.errors import SettingsError
 from unveil_core.drives.formats.registry import open_drive
 from unveil_core.drives.importing.whole_drive import localized
+from unveil_core.pipeline.output_place import check_folder_place
 
 
 @pytest.mark.parametrize(
@@ -123,6 +125,14 @@ def test_the_core_reads_what_is_written(tmp_path: Path) -> None:
     assert placed.to_world.scale == 1 and not placed.to_world.translation.any()
     np.testing.assert_allclose(placed.frames[2].camera.centre, [500.25, 4.0, 1.5])
     np.testing.assert_array_equal(placed.points.positions, points)
+
+
+def test_the_command_writes_nothing_into_a_shot(tmp_path: Path) -> None:
+    """It is a drive to it, as somebody's is."""
+    shot = written(tmp_path, np.ones((5, 3))).parent
+    for place in (shot, shot / "results", tmp_path):
+        with pytest.raises(SettingsError, match="Not for results"):
+            check_folder_place(place)
 
 
 def test_an_earlier_shot_leaves_no_points(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_what_was_written_is_replaced_and_what_is_not_written_again_goes(folder:
 
 def test_the_record_is_laid_out_as_the_command_has_it(folder: Path) -> None:
     record = json.loads((folder / RECORD).read_text())
-    assert record["generator"].split(" ")[0] == "unveil" and set(record) == {"generator", "files"}
+    assert set(record) == {"generator", "files"}
     assert set(record["files"]) == {"a.txt", "b.txt", "images/0001.png"}
     assert all(len(digest) == 32 for digest in record["files"].values())
 
