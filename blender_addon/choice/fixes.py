@@ -12,13 +12,14 @@ import bpy
 from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
 from ..formats.drive_files import DriveFrame, ImportedDrive, file_name, read_drive
-from ..formats.files import make_own, own_folder, write_changed, write_whole
+from ..formats.files import discard, own_folder, write_changed
 from ..formats.object_files import read_fixes
 from ..formats.open_safely import LARGEST_PICTURE, read_bytes
 from ..formats.sequences import SIGNATURE
 from ..formats.timeline import Timeline, timeline_of
 from ..scene import blocks, cameras, view
-from .painted_files import BEFORE, is_painted, leave, put_aside
+from ..scene.images.painted_copies import copy_to_paint, has_unsaved, save_copy
+from .painted_files import BEFORE, begin_copy, is_painted, leave
 
 __all__ = ["FILE", "UnveilFix", "begin", "can_begin", "file_of", "forget", "restore", "write"]
 
@@ -57,13 +58,12 @@ def begin(scene: bpy.types.Scene) -> UnveilFix:
     timeline = timeline_of(drive, scene.unveil.start_frame)
     frame = drive.tracks[track][timeline.at(track, scene.frame_current)]
     fixes = scene.unveil_selection.fixes
-    for i, known in enumerate(fixes):
-        if (known.track, known.frame) == (track, frame.name) and known.image is not None:
-            scene.unveil_selection.active_fix = i
-            return known
+    known = next((f for f in fixes if (f.track, f.frame) == (track, frame.name) and f.image is not None), None)
+    invent = known is not None and known.invent
     folder = own_folder(drive.workspace, FOLDER, track)
-    if is_painted(folder, frame.name):  # an undo step, or a .blend that was not saved, has lost it from the list
-        return _listed(scene, drive, timeline, track, frame, invent=False)
+    # An undo step, or a .blend that was not saved, may have lost what was painted from the list.
+    if (known is not None and has_unsaved(known.image)) or is_painted(folder, frame.name):
+        return _listed(scene, drive, timeline, track, frame, invent=invent)
     delivered = drive.workspace / "frames" / track / f"{frame.name}.png"
     try:
         content = read_bytes(delivered, LARGEST_PICTURE)
@@ -71,10 +71,8 @@ def begin(scene: bpy.types.Scene) -> UnveilFix:
         raise ValueError(f"{delivered}: Not made yet (run Unveil first)") from None
     if not content.startswith(SIGNATURE):
         raise ValueError(f"{delivered}: Not a PNG (run the stage Deliver again)")
-    put_aside(folder, frame.name)
-    for name in (frame.name, frame.name + BEFORE):
-        write_whole(folder / f"{name}.png", content, like=delivered)
-    return _listed(scene, drive, timeline, track, frame, invent=False)
+    begin_copy(folder, frame.name, content, like=delivered)
+    return _listed(scene, drive, timeline, track, frame, invent=invent)
 
 
 def _listed(
@@ -83,18 +81,14 @@ def _listed(
     path = drive.workspace / FOLDER / track / f"{frame.name}.png"
     collection = view.shown_drive(scene)
     mark = "" if collection is None else blocks.drive_of(collection)
-    image = blocks.ensure_file(
-        bpy.data.images, mark, f"fix:{track}:{frame.name}", str(path), f"Fix {track} {frame.name}"
-    )
-    if not image.is_dirty:  # what is painted and not saved yet is in no file
-        image.reload()
+    image = copy_to_paint(mark, f"fix:{track}:{frame.name}", path, f"Fix {track} {frame.name}")
     fixes = scene.unveil_selection.fixes
     fix = next((f for f in fixes if (f.track, f.frame) == (track, frame.name)), None) or fixes.add()
     order = [f.name for f in drive.tracks[track]].index(frame.name)
     fix.track, fix.frame, fix.time = track, frame.name, timeline.frames[track][order]
     fix.name = f"{track}, frame {fix.time}"
     fix.image, fix.invent = image, invent
-    scene.unveil_selection.active_fix = len(fixes) - 1
+    scene.unveil_selection.active_fix = list(fixes).index(fix)
     return fix
 
 
@@ -112,7 +106,7 @@ def forget(scene: bpy.types.Scene, index: int) -> None:
     listed.active_fix = min(listed.active_fix, max(len(listed.fixes) - 1, 0))
     blocks.remove(bpy.data.images, image)
     if not len(listed.fixes):
-        file.unlink(missing_ok=True)
+        discard(file)
     else:
         write(scene)
 
@@ -137,7 +131,7 @@ def write(scene: Any) -> str:
         return path  # none, or a file of somebody
     entries = []
     for fix in scene.unveil_selection.fixes:
-        if fix.image is not None and fix.image.is_dirty:
+        if fix.image is not None and has_unsaved(fix.image):
             _save(fix, Path(scene.unveil_selection.workspace))
         image, over = (f"{FOLDER}/{fix.track}/{fix.frame}{end}.png" for end in ("", BEFORE))
         entry = {"camera": fix.track, "frame": fix.frame, "image": image, "over": over}
@@ -156,11 +150,7 @@ def _save(fix: UnveilFix, workspace: Path) -> None:
     copy = blocks.absolute(fix.image.filepath)
     if os.path.realpath(copy) != os.path.join(os.path.realpath(folder), name):
         raise ValueError(f"{copy}: Not the copy that is painted on (save it by hand as {folder / name})")
-    make_own(copy)
-    try:
-        fix.image.save()
-    except RuntimeError as error:
-        raise ValueError(f"{fix.image.filepath}: Not saved: {error}") from error
+    save_copy(fix.image, copy)
 
 
 def restore(scene: bpy.types.Scene, drive: ImportedDrive) -> None:

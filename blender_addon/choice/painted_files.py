@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from pathlib import Path
 
-from ..formats.files import write_whole
+from ..formats.files import discard, free_name, move, write_whole
 from ..formats.open_safely import LARGEST_PICTURE, read_bytes
 
-__all__ = ["BEFORE", "is_painted", "leave", "put_aside"]
+__all__ = ["BEFORE", "begin_copy", "is_painted", "leave", "put_aside"]
 
 BEFORE = "_before"
 """Ends the name of the copy that was painted over."""
@@ -31,13 +29,25 @@ def leave(folder: Path, frame: str) -> None:
     write_whole(folder / (frame + FORGOTTEN), b"")
 
 
+def begin_copy(folder: Path, frame: str, content: bytes, like: Path) -> None:
+    """Make a copy to paint on, and the one that it is compared with; what may be somebody's is put aside.
+
+    Args:
+        like: the picture that it is a copy of: who may not read that may not read these either.
+    Raises:
+        OSError: they cannot be written.
+    """
+    put_aside(folder, frame)
+    for name in (frame, frame + BEFORE):
+        write_whole(folder / f"{name}.png", content, like=like)
+
+
 def put_aside(folder: Path, frame: str) -> None:
     """Before a new copy is made: what may be somebody's keeps a name of its own, and the mark goes."""
     one = _content(folder, frame)
     if one is not None and one != _content(folder, frame + BEFORE):
-        os.replace(folder / f"{frame}.png", folder / f"{frame}{FORGOTTEN}.png")
-    with suppress(FileNotFoundError):
-        (folder / (frame + FORGOTTEN)).unlink()
+        move(folder / f"{frame}.png", free_name(folder / f"{frame}.png", FORGOTTEN))
+    discard(folder / (frame + FORGOTTEN))
 
 
 def _content(folder: Path, name: str) -> bytes | None:

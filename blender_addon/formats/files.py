@@ -20,13 +20,18 @@ from .open_safely import LARGEST_PICTURE, LARGEST_STATE, open_file, read_bytes
 
 __all__ = [
     "copied",
+    "discard",
     "file_stamp",
     "files_stamp",
+    "free_name",
+    "is_link",
     "make_own",
     "move",
     "one_line",
     "own_folder",
     "patiently",
+    "readable_as",
+    "set_time_of",
     "shown",
     "write_changed",
     "write_whole",
@@ -64,6 +69,12 @@ def move(source: Path, target: Path) -> None:
     patiently(os.replace, source, target)
 
 
+def discard(path: Path) -> None:
+    """Remove a file, where it is there; see :func:`patiently`."""
+    with suppress(FileNotFoundError):
+        patiently(path.unlink)
+
+
 def file_stamp(path: str | Path) -> str:
     """Size and time of a file, which change when it is written anew; empty where it is not there, or a pipe or a device."""
     try:
@@ -95,13 +106,16 @@ def own_folder(workspace: Path, *names: str) -> Path:
     for name in names:
         folder = folder / name
         folder.mkdir(parents=True, exist_ok=True)
-        if folder.is_symlink() or os.path.realpath(folder) != os.path.join(
-            os.path.realpath(folder.parent), folder.name
-        ):
+        if is_link(folder):
             raise OSError(
                 errno.ELOOP, "is a link, and files would be written through it (remove the link)", str(folder)
             )
     return folder
+
+
+def is_link(path: Path) -> bool:
+    """Whether a path leads elsewhere: a symbolic link, or a junction of Windows."""
+    return path.is_symlink() or os.path.realpath(path) != os.path.join(os.path.realpath(path.parent), path.name)
 
 
 LONGEST_LINE = 800
@@ -129,6 +143,26 @@ def _new(path: Path, like: Path | None) -> BinaryIO:
     """A new file, never one that a link leads to; ``like``: see :func:`write_whole`."""
     rights = 0o666 if like is None else stat.S_IMODE(os.stat(like).st_mode) & 0o666 | 0o600
     return open(path, "xb", opener=lambda name, flags: os.open(name, flags, rights))
+
+
+def readable_as(path: Path, like: Path) -> None:
+    """Take the right to read a file from all who may not read the one that it shows.
+
+    Raises:
+        OSError: it is another user's.
+    """
+    rights = stat.S_IMODE(os.stat(like).st_mode) | 0o600
+    os.chmod(path, stat.S_IMODE(os.stat(path).st_mode) & rights)
+
+
+def set_time_of(path: Path, other: Path) -> None:
+    """Give a file the time of the one that it is made of.
+
+    Raises:
+        OSError: times cannot be set there.
+    """
+    times = other.stat()
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
 def write_changed(path: Path, content: bytes) -> None:
@@ -162,12 +196,20 @@ def copied(source: Path, target: Path) -> None:
         with open_file(source, LARGEST_PICTURE) as content, _new(partial, source) as stream:
             if not _cloned(content.fileno(), stream.fileno()):
                 shutil.copyfileobj(content, stream, 1 << 20)
-        times = source.stat()
-        os.utime(partial, ns=(times.st_atime_ns, times.st_mtime_ns))
+        set_time_of(partial, source)
         move(partial, target)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def free_name(path: Path, end: str) -> Path:
+    """A name beside a file that nothing has: ``03_painted.png``, else ``03_painted_2.png`` and so on."""
+    free, number = path.with_name(f"{path.stem}{end}{path.suffix}"), 1
+    while os.path.lexists(free):
+        number += 1
+        free = path.with_name(f"{path.stem}{end}_{number}{path.suffix}")
+    return free
 
 
 def _cloned(source: int, target: int) -> bool:

@@ -7,7 +7,6 @@ workspace. No file that is shown shares its bytes with one outside.
 
 from __future__ import annotations
 
-import os
 import re
 import stat
 import struct
@@ -17,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from .files import copied, move, own_folder, patiently, write_whole
+from .files import copied, discard, free_name, move, own_folder, set_time_of, write_whole
 from .open_safely import LARGEST_PICTURE, read_bytes
 
 __all__ = [
@@ -114,7 +113,7 @@ def numbered(files: Sequence[Path], workspace: Path, *names: str) -> PictureSequ
     # Only what was made here before: the folder may hold, or be, something else.
     for left in set(folder.iterdir()) - set(made):
         if MADE.fullmatch(left.name):
-            patiently(left.unlink)
+            discard(left)
     return PictureSequence(tuple(made), 0)
 
 
@@ -126,11 +125,7 @@ def _keep_painted(target: Path, file: Path) -> None:
             return
     except OSError:
         return
-    aside, number = target.with_name(f"{target.stem}_painted{target.suffix}"), 1
-    while aside.exists():
-        number += 1
-        aside = target.with_name(f"{target.stem}_painted_{number}{target.suffix}")
-    move(target, aside)
+    move(target, free_name(target, "_painted"))
 
 
 def _is_shared(file: Path) -> bool:
@@ -158,17 +153,17 @@ def in_color(regions: Path, target: Path, colors: Sequence[tuple[int, int, int]]
         ValueError: it is no such picture; one line that names it.
         OSError: one cannot be read or written.
     """
-    times = regions.stat()
+    time = regions.stat().st_mtime_ns
     with suppress(OSError):  # it is not there yet
-        if target.stat().st_mtime_ns == times.st_mtime_ns:
+        if target.stat().st_mtime_ns == time:
             return
     try:
         content = with_palette(read_bytes(regions, LARGEST_PICTURE), colors)
     except ValueError as error:
         raise ValueError(f"{regions}: {error}") from error
-    write_whole(target, content)
+    write_whole(target, content, like=regions)
     with suppress(OSError):  # where times cannot be set, it is written at each load
-        os.utime(target, ns=(times.st_atime_ns, times.st_mtime_ns))
+        set_time_of(target, regions)
 
 
 def _chunk(kind: bytes, content: bytes) -> bytes:

@@ -14,9 +14,14 @@ from ..formats.files import write_whole
 from ..formats.timeline import Timeline, timeline_of
 from .drive_scene import tracks_of
 
-__all__ = ["KINDS", "write_cameras"]
+__all__ = ["KINDS", "files_of", "write_cameras"]
 
 KINDS = (".abc", ".usd", ".usda", ".usdc", ".fbx")
+
+
+def files_of(path: Path) -> tuple[Path, Path]:
+    """The file of cameras, and the one beside it that tells what it cannot."""
+    return path, path.with_name(f"{path.name}.json")
 
 
 def write_cameras(
@@ -32,6 +37,7 @@ def write_cameras(
     Raises:
         RuntimeError: the file cannot be written.
     """
+    context.view_layer.update()  # objects that were removed since it was looked at last stand in it as None
     scene, cameras, things = context.scene, tracks_of(collection), context.view_layer.objects
     before = scene.frame_start, scene.frame_end, [thing.select_get() for thing in things]
     timeline = timeline_of(drive, scene.unveil.start_frame)
@@ -44,7 +50,7 @@ def write_cameras(
         scene.frame_start, scene.frame_end, selected = before
         for thing, was in zip(things, selected, strict=True):
             thing.select_set(was)
-    beside = path.with_name(f"{path.name}.json")
+    _, beside = files_of(path)
     write_whole(beside, (json.dumps(_told(drive, cameras, timeline), indent=1) + "\n").encode())
     return beside
 

@@ -70,8 +70,8 @@ def main(arguments: list[str]) -> int:
         return _refuse(f"{name} goes with the verbs run and import, and -o WORKSPACE")
     if cameras and cameras.suffix.lower() not in camera_files.KINDS:
         return _refuse(f"{cameras}: Not a file of cameras (use {', '.join(camera_files.KINDS)})")
-    for path in (save, cameras):
-        if path and "--replace" not in rest and _is_somebodys(workspace.absolute(), path):
+    for path in (*([save] if save else ()), *(camera_files.files_of(cameras) if cameras else ())):
+        if "--replace" not in rest and _is_somebodys(workspace.absolute(), path):
             return _refuse(f"{path}: is there already, and was not saved by this command (move it, or add --replace)")
     found = unveil_interpreter(bpy.context)
     if found is None or not found.ok:
@@ -114,7 +114,8 @@ def _load_and_save(workspace: Path, save: Path | None, cameras: Path | None = No
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write(path)
-            note_saved(workspace, path)
+            for made in (path,) if path == save else camera_files.files_of(path):
+                note_saved(workspace, made)
         except (OSError, RuntimeError) as error:
             return _refuse(f"{path}: cannot be saved: {one_line(error, path)}", 1)
         print(path)

@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ..formats.files import one_line
+from ..formats.files import is_link, one_line
+from ..formats.shot.place import shot_folder
 from ..formats.shot.writer import write_shot
-from ..scene import blocks
+from ..formats.writing.new_files import NewFiles, Somebodys
+from ..scene import blocks, versions
 from ..scene.settings import SET_UP_SCENE
 from ..scene.shot.camera import ShotError
 from ..scene.shot.take import shot_of
@@ -40,6 +43,11 @@ class UNVEIL_OT_use_shot(bpy.types.Operator):
         default=True,
         description="Import the drive; off: only write it, for `unveil run` on another machine",
     )
+    replace: BoolProperty(
+        name="Replace",
+        description="Write over files of the drive that were changed since, or that Unveil did not write",
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -48,16 +56,31 @@ class UNVEIL_OT_use_shot(bpy.types.Operator):
             return False
         return bool(bpy.ops.unveil.import_drive.poll())
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask before something of somebody is written over."""
+        if versions.has_window() and not self.replace:
+            try:
+                with self._files(context):
+                    pass
+            except Somebodys as error:
+                self.replace = True
+                return context.window_manager.invoke_confirm(
+                    self, event, title="Write Over It?", message=str(error), confirm_text="Write Over", icon="WARNING"
+                )
+            except (ShotError, OSError, ValueError):
+                pass  # told below
+        return self.execute(context)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
         try:
-            folder = blocks.absolute(self.folder) if self.folder else _default_folder(scene)
-            taken = shot_of(context, folder)
-            drive = write_shot(folder, taken.shot)
+            with self._files(context) as files:
+                taken = shot_of(context, files)
+                drive = write_shot(files, taken.shot)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        except OSError as error:
+        except (OSError, ValueError) as error:
             self.report({"ERROR"}, one_line(error, scene.name))
             return {"CANCELLED"}
         for line in taken.told:
@@ -72,17 +95,24 @@ class UNVEIL_OT_use_shot(bpy.types.Operator):
         words = {"filepath": str(drive), "workspace": self.workspace}
         return called(self, bpy.ops.unveil.import_drive, "INVOKE_DEFAULT", **words)
 
+    def _files(self, context: bpy.types.Context) -> AbstractContextManager[NewFiles]:
+        folder = blocks.absolute(self.folder) if self.folder else _default_folder(context.scene)
+        return shot_folder(folder, mend="choose another folder, or Replace", replace=self.replace)
+
 
 def _default_folder(scene: bpy.types.Scene) -> Path:
     """Beside the .blend.
 
     Raises:
-        ShotError: it was not saved yet.
+        ShotError: it was not saved yet; or a link is there, which may be a stranger's.
     """
     if not bpy.data.filepath:
         raise ShotError("The drive is written beside the .blend: save that first, or give a folder")
     blend = Path(bpy.data.filepath)
-    return blend.parent / f"{blend.stem}_{bpy.path.clean_name(scene.camera.name)}_shot"
+    folder = blend.parent / f"{blend.stem}_{bpy.path.clean_name(scene.camera.name)}_shot"
+    if is_link(folder):
+        raise ShotError(f"{folder}: is a link: remove it, or give a folder")
+    return folder
 
 
 def _menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:

@@ -15,6 +15,7 @@ import bpy
 
 from ..formats.files import one_line
 from ..formats.shot.numbering import number_in, numbered_name, numbers_like
+from ..formats.shot.place import shot_folder
 from ..formats.shot.writer import write_shot
 from ..scene.shot.background import put_behind
 from ..scene.shot.camera import ShotError
@@ -51,6 +52,7 @@ def make_drive(arguments: list[str]) -> Path:
     parser.add_argument("--camera")
     parser.add_argument("--units-per-metre", type=float)
     parser.add_argument("--no-points", action="store_true")
+    parser.add_argument("--replace", action="store_true")
     given = parser.parse_args(arguments)
     scene = bpy.context.scene
     for name in ("fps", "units_per_metre"):
@@ -70,9 +72,11 @@ def make_drive(arguments: list[str]) -> Path:
     for thing in bpy.context.view_layer.objects:
         thing.select_set(thing.type in POINTS and not given.no_points)
     try:
-        taken = shot_of(bpy.context, given.output.absolute())
-        drive = write_shot(given.output.absolute(), taken.shot)
-    except OSError as error:
+        mend = "name another folder with -o, or add --replace"
+        with shot_folder(given.output.absolute(), mend=mend, replace=given.replace) as files:
+            taken = shot_of(bpy.context, files)
+            drive = write_shot(files, taken.shot)
+    except (OSError, ValueError) as error:
         raise ShotError(one_line(error, given.output)) from error
     for line in taken.told:
         print(f"unveil: {line}", file=sys.stderr)

@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ..files import write_whole
+from ..writing.new_files import GENERATOR, NewFiles
 from .lens import PLAIN
+from .place import CAMERAS, POINTS
 
 __all__ = ["Shot", "ShotFrame", "write_shot"]
 
@@ -53,18 +55,18 @@ class Shot:
     points: np.ndarray | None = None
 
 
-def write_shot(folder: Path, shot: Shot) -> Path:
-    """Write the drive; what lies there of an earlier one is replaced.
+def write_shot(files: NewFiles, shot: Shot) -> Path:
+    """Write the drive.
 
+    Args:
+        files: of its folder, see :func:`shot_folder`.
     Returns:
-        its transforms.json.
+        its transforms.json, which is there once all files have their names.
     Raises:
         OSError: a file cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    points, path = folder / "points.ply", folder / "transforms.json"
     top: dict[str, object] = {
-        "generator": "Unveil in Blender",
+        "generator": GENERATOR,
         "metric": True,
         "up": [0, 0, 1],
         "keep_origin": True,
@@ -74,12 +76,12 @@ def write_shot(folder: Path, shot: Shot) -> Path:
         **{name: value for name, value in zip(DISTORTION, shot.distortion, strict=True) if value},
     }
     if shot.points is not None and len(shot.points):
-        write_whole(points, _ply(shot.points))
-        top["ply_file_path"] = points.name
+        write_whole(files.path(POINTS), _ply(shot.points))
+        top["ply_file_path"] = POINTS
     first = shot.frames[0].number
     top["frames"] = [
         {
-            "file_path": _named(frame.picture, folder),
+            "file_path": _named(frame.picture, files.folder),
             "transform_matrix": frame.camera_to_world.tolist(),
             "camera": shot.camera,
             "timestamp": (frame.number - first) / shot.rate,
@@ -90,10 +92,8 @@ def write_shot(folder: Path, shot: Shot) -> Path:
         }
         for frame in shot.frames
     ]
-    write_whole(path, (json.dumps(top, indent=1, allow_nan=False) + "\n").encode())
-    if "ply_file_path" not in top:
-        points.unlink(missing_ok=True)
-    return path
+    write_whole(files.path(CAMERAS), (json.dumps(top, indent=1, allow_nan=False) + "\n").encode())
+    return files.folder / CAMERAS
 
 
 def _named(file: Path, folder: Path) -> str:

@@ -42,9 +42,9 @@ class UNVEIL_OT_keep_splats(bpy.types.Operator):
             thing.update_from_editmode()
         try:
             gaussians, facts = edited_gaussians(context, thing)
-            comments = read_ply(workspace / "surfels/empty.ply").comments
+            made = workspace / "surfels/empty.ply"
             path = own_folder(workspace, "surfels") / FILE
-            write_whole(path, splat_ply(gaussians, facts, comments))
+            write_whole(path, splat_ply(gaussians, facts, read_ply(made).comments), like=made)
         except (OSError, ValueError) as error:
             self.report({"ERROR"}, one_line(error, workspace))
             return {"CANCELLED"}

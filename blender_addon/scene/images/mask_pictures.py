@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from ...formats.open_safely import LARGEST_PICTURE, open_file
 from .. import versions
 
-__all__ = ["draw_mask", "painted", "size_of"]
+__all__ = ["draw_mask", "painted", "read_picture", "size_of"]
 
 LEAST = 3 / 255
 """A difference of a channel from which a pixel counts as painted: saving rounds by less."""
@@ -53,9 +55,21 @@ def draw_mask(mask: bpy.types.Mask, size: tuple[int, int], times: Sequence[int],
 
 def size_of(file: Path) -> tuple[int, int]:
     """Width and height of a picture, pixels."""
+    with read_picture(file) as image:
+        return int(image.size[0]), int(image.size[1])
+
+
+@contextmanager
+def read_picture(file: Path) -> Iterator[bpy.types.Image]:
+    """A picture in a data block of its own, as long as it is looked at.
+
+    Raises:
+        OSError: it is not there, or a link, a pipe or a device. RuntimeError: Blender cannot read it.
+    """
+    open_file(file, LARGEST_PICTURE).close()
     image = bpy.data.images.load(str(file), check_existing=False)
     try:
-        return int(image.size[0]), int(image.size[1])
+        yield image
     finally:
         bpy.data.images.remove(image)
 
@@ -66,16 +80,13 @@ def painted(image: bpy.types.Image, before: Path) -> np.ndarray:
     Args:
         image: as it is in Blender's memory; before: the file that it was a copy of.
     Raises:
-        ValueError: they are not of one size.
+        ValueError: they are not of one size. OSError: the file cannot be read.
     """
-    other = bpy.data.images.load(str(before), check_existing=False)
-    try:
+    with read_picture(before) as other:
         other.colorspace_settings.name = image.colorspace_settings.name
         if tuple(other.size) != tuple(image.size):
             raise ValueError(f"{before}: is not of the size of what is painted on (paint this frame's mask again)")
         one, two = _pixels(image), _pixels(other)
-    finally:
-        bpy.data.images.remove(other)
     return np.asarray(np.abs(one - two).max(axis=2) > LEAST)
 
 

@@ -3,33 +3,40 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 
+from ...formats.files import file_stamp, readable_as
+from ...formats.writing.new_files import NewFiles
 from .. import versions
 from .camera import ShotError
 
 __all__ = ["extracted"]
 
 
-def extracted(movie: Path, folder: Path, frames: Sequence[int], shift: int, size: tuple[int, int]) -> list[Path]:
-    """Write pictures of a movie, 8-bit PNGs of its own size and colours; what is there of a movie of this time stays.
+def extracted(movie: Path, drive: NewFiles, frames: Sequence[int], shift: int, size: tuple[int, int]) -> list[Path]:
+    """Write pictures of a movie, 8-bit PNGs of its own size and colours; those of this movie that are there stay.
 
     Args:
+        drive: that they are part of.
         frames: of the timeline, one after the other, by which the files are named, as ``1001.png``.
         shift: number of the movie's picture, from 1, less the frame that shows it.
     Returns:
-        the files.
+        the files, which are there once all files of the drive have their names.
     Raises:
-        ShotError: Blender cannot read the movie.
+        ShotError: Blender cannot read the movie. OSError: a picture cannot be written.
     """
-    files = [folder / f"{frame:04d}.png" for frame in frames]
-    newer = movie.stat().st_mtime_ns
-    if all(f.is_file() and f.stat().st_mtime_ns >= newer for f in files):
+    names = [f"images/{frame:04d}.png" for frame in frames]
+    files = [drive.folder / name for name in names]
+    made_of = f"{movie} {file_stamp(movie)} {shift} {size}"
+    of, drive.of = drive.of, hashlib.sha256(made_of.encode(errors="surrogateescape")).hexdigest()[:32]
+    if drive.of == of and all(name in drive.before for name in names):
+        drive.keep(*names)
         return files
-    folder.mkdir(parents=True, exist_ok=True)
+    made = [drive.path(name) for name in names]
     scene = bpy.data.scenes.new("Unveil movie")
     try:
         _set_up(scene, size)
@@ -49,13 +56,15 @@ def extracted(movie: Path, folder: Path, frames: Sequence[int], shift: int, size
             )
         # One picture after the other as Blender plays them: what is asked for by itself may be the one shown before.
         scene.frame_start, scene.frame_end = frames[0], frames[-1]
-        scene.render.use_overwrite, scene.render.filepath = True, str(folder / "####")
+        scene.render.use_overwrite, scene.render.filepath = True, str(made[0].with_name("####"))
         bpy.ops.render.render(animation=True, scene=scene.name)
     finally:
         bpy.data.scenes.remove(scene)
-    lost = next((f for f in files if not f.is_file()), None)
+    lost = next((f for f in made if not f.is_file()), None)
     if lost is not None:
         raise ShotError(f"{movie}: Blender wrote no picture {lost.name} of it: convert it to a picture sequence")
+    for file in made:
+        readable_as(file, movie)
     return files
 
 

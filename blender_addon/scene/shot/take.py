@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ...formats.shot.writer import Shot, ShotFrame
+from ...formats.writing.new_files import NewFiles
 from ..drive_scene import metre_of
 from . import points
 from .background import Background, background_of
@@ -35,11 +36,11 @@ class Taken:
     told: tuple[str, ...]
 
 
-def shot_of(context: bpy.types.Context, folder: Path) -> Taken:
+def shot_of(context: bpy.types.Context, drive: NewFiles) -> Taken:
     """The shot of the scene as it is.
 
     Args:
-        folder: of the drive, where pictures of a movie are put.
+        drive: that it becomes, with the pictures of a movie.
     Raises:
         ShotError: the camera, the plates or their lens cannot be used.
         OSError: a picture of a movie cannot be written.
@@ -55,7 +56,7 @@ def shot_of(context: bpy.types.Context, folder: Path) -> Taken:
     metre = metre_of(scene)
     # A camera that cannot be used is told before minutes of work on a movie's frames.
     cameras = dict(zip(frames, sampled(scene, camera, frames, background.size), strict=True))
-    pictures, told = _pictures(background, frames, folder)
+    pictures, told = _pictures(background, frames, drive)
     seen = [cameras[frame] for frame in pictures]
     bent = background.distortion(seen[0].focal[0])
     if any(bent) and max(abs(c.focal[0] / seen[0].focal[0] - 1) for c in seen) > 1e-4:
@@ -82,7 +83,7 @@ def _frame(number: int, picture: Path, at: CameraAt, metre: float) -> ShotFrame:
     return ShotFrame(number, picture, placed, at.focal, at.centre)
 
 
-def _pictures(background: Background, frames: range, folder: Path) -> tuple[dict[int, Path], list[str]]:
+def _pictures(background: Background, frames: range, drive: NewFiles) -> tuple[dict[int, Path], list[str]]:
     """The plate of each frame that has one, and what is to be said of the others."""
     plates = background.plates
     if background.is_movie:
@@ -91,7 +92,7 @@ def _pictures(background: Background, frames: range, folder: Path) -> tuple[dict
             raise ShotError(
                 f"{background.name} shows nothing in frames {frames[0]} to {frames[-1]}: set the frame range"
             )
-        files = extracted(plates.first, folder / "images", inside, plates.shift, background.size)
+        files = extracted(plates.first, drive, inside, plates.shift, background.size)
         return dict(zip(inside, files, strict=True)), []
     found = {f: file for f in frames if (file := plates.file(f)) is not None and file.is_file()}
     if not found:

@@ -45,9 +45,9 @@ class Shown:
         self.times: Sequence[int] = timeline.frames[self.track]
         self.now = timeline.at(self.track, scene.frame_current)
 
-    def folder(self, name: str) -> Path:
-        """A folder of pictures of an object, made if need be."""
-        return own_folder(self.root, FOLDER, DRAWN, name, self.track)
+    def folder(self, *names: str) -> Path:
+        """A folder of pictures of the camera's frames, made if need be."""
+        return own_folder(self.root, FOLDER, DRAWN, *names, self.track)
 
 
 def shown_frames(scene: bpy.types.Scene) -> Shown:

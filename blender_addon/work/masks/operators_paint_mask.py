@@ -10,15 +10,18 @@ import numpy as np
 from bpy.props import StringProperty
 
 from ...choice.operators_fixes import show_picture
-from ...choice.painted_files import BEFORE, is_painted
+from ...choice.painted_files import BEFORE, begin_copy, is_painted
+from ...formats.drive_files import DriveFrame
 from ...formats.files import one_line, write_whole
 from ...formats.open_safely import LARGEST_PICTURE, read_bytes
 from ...formats.sequences import SIGNATURE
+from ...formats.writing.new_files import new_files
 from ...scene import blocks, view
 from ...scene.images.mask_pictures import painted
+from ...scene.images.painted_copies import as_png, copy_to_paint, has_unsaved
 from ..job.job_operator import UserError
 from .grey_png import grey_png
-from .mask_job import MaskJob, carried, has_frames, shown_frames
+from .mask_job import MaskJob, Shown, carried, has_frames, shown_frames
 
 __all__ = ["ROLE"]
 
@@ -42,39 +45,21 @@ class UNVEIL_OT_paint_mask(bpy.types.Operator):
         try:
             shown = shown_frames(context.scene)
             frame, folder = shown.frames[shown.now], shown.folder(PAINTED)
-            copy = folder / f"{frame.name}.png"
             collection = view.shown_drive(context.scene)
             mark = "" if collection is None else blocks.drive_of(collection)
             role = f"{ROLE}{shown.track}:{frame.name}"
-            if blocks.find(bpy.data.images, mark, role) is None and not is_painted(folder, frame.name):
-                content = _as_png(frame.footage, folder / f"{frame.name}{BEFORE}.png")
-                for name in (frame.name, frame.name + BEFORE):
-                    write_whole(folder / f"{name}.png", content, like=frame.footage)
-            image = blocks.ensure_file(bpy.data.images, mark, role, str(copy), f"Mask {shown.track} {frame.name}")
+            known = blocks.find(bpy.data.images, mark, role)
+            if not (known is not None and has_unsaved(known)) and not is_painted(folder, frame.name):
+                content = read_bytes(frame.footage, LARGEST_PICTURE)
+                content = content if content.startswith(SIGNATURE) else as_png(frame.footage)
+                begin_copy(folder, frame.name, content, like=frame.footage)
+            image = copy_to_paint(mark, role, folder / f"{frame.name}.png", f"Mask {shown.track} {frame.name}")
         except (OSError, ValueError, RuntimeError, UserError) as error:
             self.report({"ERROR"}, one_line(error, Path(context.scene.unveil.workspace)))
             return {"CANCELLED"}
         if not bpy.app.background and context.window_manager.windows:
             show_picture(context, image)
         return {"FINISHED"}
-
-
-def _as_png(photograph: Path, place: Path) -> bytes:
-    """A photograph as a PNG, in which painting and saving changes nothing else.
-
-    Args:
-        place: where it may be written.
-    """
-    content = read_bytes(photograph, LARGEST_PICTURE)
-    if content.startswith(SIGNATURE):
-        return content
-    image = bpy.data.images.load(str(photograph), check_existing=False)
-    try:
-        image.file_format, image.filepath_raw = "PNG", str(place)
-        image.save()
-    finally:
-        bpy.data.images.remove(image)
-    return read_bytes(place, LARGEST_PICTURE)
 
 
 class UNVEIL_OT_use_painted(MaskJob, bpy.types.Operator):
@@ -88,40 +73,36 @@ class UNVEIL_OT_use_painted(MaskJob, bpy.types.Operator):
     def arguments(self, context: bpy.types.Context) -> list[str]:
         shown = shown_frames(context.scene)
         folder = shown.folder(PAINTED)
-        frame, image = _painted_on(context, shown.track)
-        try:
-            where = painted(image, folder / f"{frame}{BEFORE}.png")
-        except ValueError as error:
-            raise UserError(str(error)) from error
+        frame, image = _painted_on(context, shown)
+        where = painted(image, folder / f"{frame.name}{BEFORE}.png")
         if not where.any():
             raise UserError("Nothing was painted: paint over the object in the Image Editor, then press this again")
-        matte = shown.folder(f"{PAINTED}_mattes") / f"{frame}.png"
-        write_whole(matte, grey_png(np.where(where, 255, 0).astype(np.uint8)))
-        return carried(shown.root, self.class_name.strip() or "object", "--matte", f"{shown.track}/{frame}:{matte}")
+        name = f"{frame.name}.png"
+        with new_files(shown.folder(f"{PAINTED}_mattes"), ("*.png",), whole=False, mend="move it") as files:
+            matte = grey_png(np.where(where, 255, 0).astype(np.uint8))
+            write_whole(files.path(name), matte, like=frame.footage)
+        told = f"{shown.track}/{frame.name}:{files.folder / name}"
+        return carried(shown.root, self.class_name.strip() or "object", "--matte", told)
 
 
-def _painted_on(context: bpy.types.Context, track: str) -> tuple[str, bpy.types.Image]:
-    """Name of the frame and its copy: the one that is looked at, else that of the frame that is shown, else the only one.
+def _painted_on(context: bpy.types.Context, shown: Shown) -> tuple[DriveFrame, bpy.types.Image]:
+    """The frame and its copy: the one that is looked at, else that of the frame that is shown, else the only one.
 
     Raises:
         UserError: there is none.
     """
     collection = view.shown_drive(context.scene)
-    begins, drive = f"{ROLE}{track}:", "" if collection is None else blocks.drive_of(collection)
-    copies = {
-        str(i[blocks.ROLE]).removeprefix(begins): i
-        for i in bpy.data.images
-        if i.get(blocks.DRIVE) == drive and str(i.get(blocks.ROLE, "")).startswith(begins)
-    }
+    drive = "" if collection is None else blocks.drive_of(collection)
+    # Of the drive's own frames alone: names become those of files, and a .blend says any.
+    roles = {f"{ROLE}{shown.track}:{frame.name}": frame for frame in shown.frames}
+    copies = [(roles[role], i) for i in bpy.data.images if (role := i.get(blocks.ROLE)) in roles]
+    copies = [(frame, i) for frame, i in copies if i.get(blocks.DRIVE) == drive]
     looked_at = getattr(context.space_data, "image", None)
-    shown = shown_frames(context.scene)
-    for frame, image in copies.items():
-        if image == looked_at:
-            return frame, image
-    name = shown.frames[shown.now].name
-    if name not in copies:
+    now = shown.frames[shown.now]
+    found = next((c for c in copies if c[1] == looked_at), None) or next((c for c in copies if c[0] == now), None)
+    if found is None:
         raise UserError("No mask of this frame was painted: press Paint Mask, and paint over the object")
-    return name, copies[name]
+    return found
 
 
 def _header(self: bpy.types.Header, context: bpy.types.Context) -> None:

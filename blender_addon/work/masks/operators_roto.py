@@ -7,11 +7,16 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...formats.drive_files import file_name
+from ...formats.files import readable_as
+from ...formats.writing.new_files import new_files
 from ...scene.images.mask_pictures import draw_mask, size_of
 from ..job.job_operator import UserError
 from .mask_job import MaskJob, carried, shown_frames
 
 __all__: list[str] = []
+
+MASKS = "masks"
+"""Beside what artists paint: a mask may have any name."""
 
 
 class UNVEIL_OT_use_mask(MaskJob, bpy.types.Operator):
@@ -41,15 +46,19 @@ class UNVEIL_OT_use_mask(MaskJob, bpy.types.Operator):
         if not any(len(spline.points) > 2 for layer in mask.layers for spline in layer.splines):
             raise UserError(f"The mask {mask.name} is empty: draw around the object, and close the spline")
         shown = shown_frames(context.scene)
-        folder = shown.folder(file_name(bpy.path.clean_name(mask.name)))
-        for old in folder.glob("*.png"):  # frames of a mask that is not animated any more
-            old.unlink()
+        folder = shown.folder(MASKS, file_name(bpy.path.clean_name(mask.name)))
         chosen = range(len(shown.frames)) if self.animated else [shown.now]
-        files = [folder / f"{shown.frames[i].name}.png" for i in chosen]
-        try:
-            draw_mask(mask, size_of(shown.frames[0].footage), [shown.times[i] for i in chosen], files)
-        except RuntimeError as error:
-            raise UserError(f"The mask {mask.name} cannot be drawn: {error}") from error
+        frames = [shown.frames[i] for i in chosen]
+        size = size_of(shown.frames[0].footage)
+        # Frames of a mask that is not animated any more go.
+        with new_files(folder, ("*.png",), mend="move it, or give the mask another name") as files:
+            drawn = [files.path(f"{frame.name}.png") for frame in frames]
+            try:
+                draw_mask(mask, size, [shown.times[i] for i in chosen], drawn)
+            except RuntimeError as error:
+                raise UserError(f"The mask {mask.name} cannot be drawn: {error}") from error
+            for file, frame in zip(drawn, frames, strict=True):
+                readable_as(file, frame.footage)
         return carried(shown.root, mask.name, "--mattes", str(folder.parent))
 
 

@@ -41,3 +41,10 @@ def test_what_nobody_painted_is_not_kept(tmp_path: Path) -> None:
     copies(tmp_path, b"as delivered", b"as delivered")
     put_aside(tmp_path, "03")
     assert (tmp_path / "03.png").exists() and not (tmp_path / "03_forgotten.png").exists()
+
+
+def test_what_was_put_aside_before_stays(tmp_path: Path) -> None:
+    for number, painted in enumerate((b"green", b"red"), 1):
+        copies(tmp_path, painted, b"as delivered")
+        put_aside(tmp_path, "03")
+        assert len(list(tmp_path.glob("03_forgotten*.png"))) == number

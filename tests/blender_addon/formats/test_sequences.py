@@ -118,3 +118,12 @@ def test_regions_in_colour_are_written_once(tmp_path: Path, monkeypatch: pytest.
     regions.write_bytes(b"no picture")
     with pytest.raises(ValueError, match="00.png: Not a grey 8-bit PNG"):
         in_color(regions, shown)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no rights of POSIX")
+def test_regions_of_private_photographs_are_private(tmp_path: Path) -> None:
+    regions, shown = tmp_path / "00.png", tmp_path / "shown.png"
+    cv2.imwrite(str(regions), np.zeros((2, 2), np.uint8))
+    regions.chmod(0o600)
+    in_color(regions, shown)
+    assert shown.stat().st_mode & 0o077 == 0

@@ -10,9 +10,12 @@ import pytest
 
 from blender_addon.formats.shot.lens import PLAIN, ClipLensError, opencv_of_clip
 from blender_addon.formats.shot.numbering import clip_plates, image_plates, numbered_name
+from blender_addon.formats.shot.place import shot_folder
 from blender_addon.formats.shot.writer import Shot, ShotFrame, write_shot
+from unveil_core.base.errors import SettingsError
 from unveil_core.drives.formats.registry import open_drive
 from unveil_core.drives.importing.whole_drive import localized
+from unveil_core.pipeline.output_place import check_folder_place
 
 
 @pytest.mark.parametrize(
@@ -107,7 +110,8 @@ def written(folder: Path, points: np.ndarray | None) -> Path:
         pose = np.array([[1, 0, 0, 500.25], [0, 0, -1, 2.0 * k], [0, 1, 0, 1.5], [0, 0, 0, 1]])
         frames.append(ShotFrame(1001 + k, picture, pose, (50.0, 51.0), (30.0, 21.0)))
     lens = (-0.1, 0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0)
-    return write_shot(folder / "shot", Shot("cam A", (60, 40), 24.0, tuple(frames), lens, points))
+    with shot_folder(folder / "shot", mend="move it") as files:
+        return write_shot(files, Shot("cam A", (60, 40), 24.0, tuple(frames), lens, points))
 
 
 def test_the_core_reads_what_is_written(tmp_path: Path) -> None:
@@ -121,6 +125,14 @@ def test_the_core_reads_what_is_written(tmp_path: Path) -> None:
     assert placed.to_world.scale == 1 and not placed.to_world.translation.any()
     np.testing.assert_allclose(placed.frames[2].camera.centre, [500.25, 4.0, 1.5])
     np.testing.assert_array_equal(placed.points.positions, points)
+
+
+def test_the_command_writes_nothing_into_a_shot(tmp_path: Path) -> None:
+    """It is a drive to it, as somebody's is."""
+    shot = written(tmp_path, np.ones((5, 3))).parent
+    for place in (shot, shot / "results", tmp_path):
+        with pytest.raises(SettingsError, match="Not for results"):
+            check_folder_place(place)
 
 
 def test_an_earlier_shot_leaves_no_points(tmp_path: Path) -> None:

@@ -85,6 +85,20 @@ def test_a_blend_of_somebody_is_not_saved_over(command, street, workspace, tmp_p
     assert command(arguments) == 2
 
 
+def test_what_lies_beside_cameras_is_not_written_over(command, street, workspace, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]
+    cameras = tmp_path / "street.abc"
+    arguments = ["import", str(street), "-o", str(workspace), "--quality", "draft", "--save-cameras", str(cameras)]
+    beside = tmp_path / "street.abc.json"
+    beside.write_text("mine")
+    assert command(arguments) == 2 and beside.read_text() == "mine" and not cameras.exists()
+    assert f"{beside}: is there already, and was not saved by this command" in capfd.readouterr().err
+    beside.unlink()
+    for _ in range(2):  # what it wrote itself it writes again
+        assert command(arguments) == 0
+    beside.write_text("mine")
+    assert command(arguments) == 2 and beside.read_text() == "mine"
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 def test_an_interrupt_ends_with_130(command, street, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]
     root = tmp_path / "ws"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
 
 import numpy as np
@@ -70,17 +72,33 @@ def test_a_drawn_mask_becomes_an_object_in_all_frames(addon, scene, workspace) -
         bpy.ops.unveil.use_mask()
     places = np.array(red_car(workspace / "drive/images/camera/02.png"))
     (left, upper), (right, lower) = places.min(axis=0) - 0.02, places.max(axis=0) + 0.02
-    drawn_mask("red car", 128 / 80, (left, right, upper, lower))
+    mask = drawn_mask("painted", 128 / 80, (left, right, upper, lower))  # a name that pictures beside have
+    assert bpy.ops.unveil.paint_mask() == {"FINISHED"}
+    copies = sorted((workspace / "outlines/drawn/painted/camera").iterdir())
     assert bpy.ops.unveil.use_mask() == {"FINISHED"}
+    assert sorted((workspace / "outlines/drawn/painted/camera").iterdir()) == copies
     listed = scene.unveil_selection
     thing = listed.objects[listed.active]
-    assert (thing.class_name, thing.source, thing.chosen) == ("red car", "mattes", True) and thing.frames == 8
-    drawn = [p.name for p in (workspace / "outlines/drawn/red_car/camera").glob("*.png")]
+    assert (thing.class_name, thing.source, thing.chosen) == ("painted", "mattes", True) and thing.frames == 8
+    drawn = [p.name for p in (workspace / "outlines/drawn/masks/painted/camera").glob("*.png")]
     assert drawn == ["02.png"]  # the others follow through the scene
     mattes = sorted(Path(thing.mattes).rglob("*.png"))
     assert len(mattes) == 8 and (pixels(mattes[4]) > 0.5).any()
     assert bpy.ops.unveil.use_mask(animated=True) == {"FINISHED"}
-    assert len(list((workspace / "outlines/drawn/red_car/camera").glob("*.png"))) == 8
+    drawn = sorted((workspace / "outlines/drawn/masks/painted/camera").glob("*.png"))
+    assert len(drawn) == 8
+    drawn[3].write_bytes(b"retouched")
+    with pytest.raises(RuntimeError, match=r"03\.png: Changed since Unveil wrote it, .*give the mask another name"):
+        bpy.ops.unveil.use_mask()
+    mask.name = "other"
+    mine = workspace / "outlines/drawn/masks/other/camera/07.png"
+    mine.parent.mkdir(parents=True)
+    mine.write_bytes(b"mine")
+    with pytest.raises(RuntimeError, match=r"07\.png: Not written by Unveil"):
+        bpy.ops.unveil.use_mask()
+    assert (
+        drawn[3].read_bytes() == b"retouched" and mine.read_bytes() == b"mine" and len(list(mine.parent.iterdir())) == 1
+    )
 
 
 def test_an_empty_mask_is_told(addon, scene, workspace) -> None:
@@ -92,6 +110,43 @@ def test_an_empty_mask_is_told(addon, scene, workspace) -> None:
         bpy.ops.unveil.use_mask(mask="nothing")
     with pytest.raises(RuntimeError, match="Not found: the mask elsewhere"):
         bpy.ops.unveil.use_mask(mask="elsewhere")
+
+
+@pytest.mark.parametrize("kind", ["JPEG", "TIFF", "PNG"])
+def test_footage_of_each_kind_is_painted_on_in_private(addon, scene, workspace, kind: str) -> None:
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(workspace))
+    scene.frame_set(1003)
+    photograph = addon.module("formats.drive_files").read_drive(workspace).tracks["camera"][2].footage
+    image = bpy.data.images.load(str(photograph), check_existing=False)
+    image.update()
+    image.file_format = kind
+    image.save()
+    bpy.data.images.remove(image)
+    photograph.chmod(0o600)
+    before = photograph.read_bytes()
+    assert before.startswith({"JPEG": b"\xff\xd8", "TIFF": b"II", "PNG": b"\x89PNG"}[kind])
+    assert bpy.ops.unveil.paint_mask() == {"FINISHED"}
+    made = [workspace / f"outlines/drawn/painted/camera/02{end}.png" for end in ("", "_before")]
+    for file in made:
+        assert file.read_bytes().startswith(b"\x89PNG") and np.array_equal(pixels(file), pixels(photograph))
+        assert os.name == "nt" or stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert photograph.read_bytes() == before
+
+
+def test_a_copy_that_somebody_put_there_is_kept_aside(addon, scene, workspace) -> None:
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(workspace))
+    scene.frame_set(1003)
+    folder = workspace / "outlines/drawn/painted/camera"
+    folder.mkdir(parents=True)
+    (folder / "02.png").write_bytes(b"mine")
+    (folder / "02_forgotten.png").write_bytes(b"of earlier")
+    assert bpy.ops.unveil.paint_mask() == {"FINISHED"}
+    assert (folder / "02_forgotten_2.png").read_bytes() == b"mine"
+    assert (folder / "02_forgotten.png").read_bytes() == b"of earlier"
 
 
 def test_what_is_painted_over_becomes_an_object(addon, scene, workspace) -> None:
@@ -119,8 +174,12 @@ def test_what_is_painted_over_becomes_an_object(addon, scene, workspace) -> None
     paint(image, where, (0.0, 1.0, 0.0))
     assert bpy.ops.unveil.paint_mask() == {"FINISHED"} and image.is_dirty  # it goes on
     assert bpy.ops.unveil.use_painted(class_name="painted car") == {"FINISHED"}
-    matte = pixels(workspace / "outlines/drawn/painted_mattes/camera/02.png") > 0.5
-    assert np.array_equal(matte, where)
+    file = workspace / "outlines/drawn/painted_mattes/camera/02.png"
+    assert np.array_equal(pixels(file) > 0.5, where)
+    file.write_bytes(b"retouched")
+    with pytest.raises(RuntimeError, match=r"02\.png: Changed since Unveil wrote it"):
+        bpy.ops.unveil.use_painted(class_name="painted car")
+    assert file.read_bytes() == b"retouched"
     listed = scene.unveil_selection
     thing = listed.objects[listed.active]
     assert (thing.class_name, thing.source, thing.frames, thing.chosen) == ("painted car", "mattes", 8, True)

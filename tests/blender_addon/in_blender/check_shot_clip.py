@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import stat
 from pathlib import Path
 
 import numpy as np
@@ -212,6 +214,83 @@ def test_a_movie_is_extracted(scene, tmp_path: Path) -> None:
             own.shape == made.shape and np.abs(own - made).max() <= 3
         )  # its colours are stored as brightness and two more
     assert {s.name for s in bpy.data.scenes} == before
+
+
+@pytest.fixture
+def movie(scene, tmp_path: Path) -> Path:
+    """A movie behind the camera over the frame range."""
+    import bpy
+
+    first = write_plates(tmp_path / "plates")
+    set_range(scene)
+    movie = tmp_path / "clip.mkv"
+    encode(movie, first)
+    plate = moving_camera(scene).data.background_images.new()
+    plate.source, plate.clip = "MOVIE_CLIP", bpy.data.movieclips.load(str(movie))
+    plate.clip.frame_start = FIRST
+    return movie
+
+
+def test_pictures_of_a_movie_go_into_a_folder_of_their_own(scene, movie: Path, tmp_path: Path) -> None:
+    """Through no link, and over nothing that somebody put or painted there."""
+    import bpy
+
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / f"{FIRST}.png").write_bytes(b"mine")
+    (tmp_path / "shot").mkdir()
+    images = tmp_path / "shot/images"
+    images.symlink_to(mine)
+    for replace in (False, True):
+        with pytest.raises(RuntimeError, match="images: is a link"):
+            bpy.ops.unveil.use_shot(folder=str(tmp_path / "shot"), run_import=False, replace=replace)
+    assert [p.name for p in mine.iterdir()] == [f"{FIRST}.png"] and (mine / f"{FIRST}.png").read_bytes() == b"mine"
+    images.unlink()
+    mine.rename(images)
+    with pytest.raises(RuntimeError, match=f"{FIRST}.png: Not written by Unveil"):
+        bpy.ops.unveil.use_shot(folder=str(tmp_path / "shot"), run_import=False)
+    assert (images / f"{FIRST}.png").read_bytes() == b"mine"
+    assert bpy.ops.unveil.use_shot(folder=str(tmp_path / "shot"), run_import=False, replace=True) == {"FINISHED"}
+    assert levels(images / f"{FIRST}.png").shape == (SIZE[1], SIZE[0], 3)
+    (images / f"{FIRST}.png").write_bytes(b"painted")
+    with pytest.raises(RuntimeError, match=f"{FIRST}.png: Changed since Unveil wrote it"):
+        use_shot(tmp_path / "shot")
+
+
+def test_pictures_are_made_anew_where_the_movie_is_another(scene, movie: Path, tmp_path: Path) -> None:
+    """Also an older one."""
+    import bpy
+
+    use_shot(tmp_path / "shot")
+    made = tmp_path / f"shot/images/{FIRST}.png"
+    as_made = made.stat().st_mtime_ns
+    use_shot(tmp_path / "shot")
+    assert made.stat().st_mtime_ns == as_made
+    encode(tmp_path / "other.mkv", write_plates(tmp_path / "others", count=COUNT * 2))
+    os.utime(tmp_path / "other.mkv", (0, 0))
+    scene.camera.data.background_images[0].clip = bpy.data.movieclips.load(str(tmp_path / "other.mkv"))
+    scene.camera.data.background_images[0].clip.frame_start = FIRST
+    use_shot(tmp_path / "shot")
+    assert made.stat().st_mtime_ns != as_made
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no rights of POSIX")
+def test_pictures_of_a_private_movie_are_private(scene, movie: Path, tmp_path: Path) -> None:
+    movie.chmod(0o600)
+    use_shot(tmp_path / "shot")
+    assert {stat.S_IMODE(p.stat().st_mode) for p in (tmp_path / "shot/images").iterdir()} == {0o600}
+
+
+def test_a_link_beside_a_blend_is_no_place(scene, movie: Path, tmp_path: Path) -> None:
+    """Where nobody named the folder."""
+    import bpy
+
+    (tmp_path / "mine").mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    (tmp_path / "scene_shotcam_shot").symlink_to(tmp_path / "mine")
+    with pytest.raises(RuntimeError, match="is a link"):
+        bpy.ops.unveil.use_shot(run_import=False)
+    assert not list((tmp_path / "mine").iterdir())
 
 
 def levels(path: Path) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -83,3 +84,31 @@ def test_bad_input_ends_with_2_and_one_line(
     said = capfd.readouterr().err
     assert line in said and said.startswith("unveil: error: ") and said.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_no_drive_of_somebody_is_written_over(command, alembic, street: Path, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]
+    mine = tmp_path / "mine"
+    shutil.copytree(street.parent, mine)
+    before = {p: p.read_bytes() for p in mine.rglob("*") if p.is_file()}
+    given = ["shot", str(alembic[0]), "--plates", str(write_plates(tmp_path / "plates")), "--fps", RATE]
+    for place in (mine, mine / "shot", Path.home()):
+        assert command([*given, "-o", str(place), "--replace"]) == 2
+        assert f"{place}: Not for a shot" in capfd.readouterr().err
+    assert before == {p: p.read_bytes() for p in mine.rglob("*") if p.is_file()}
+
+
+def test_what_was_changed_in_a_shot_is_replaced_by_a_word_alone(command, alembic, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]
+    drive = tmp_path / "drive"
+    given = ["shot", str(alembic[0]), "--plates", str(write_plates(tmp_path / "plates")), "--fps", RATE]
+    given += ["-o", str(drive)]
+    assert command(given) == 0
+    capfd.readouterr()
+    assert command([*given, "--no-points"]) == 0 and not (drive / "points.ply").exists()
+    edited = (drive / "transforms.json").read_text().replace('"metric": true', '"metric": false')
+    (drive / "transforms.json").write_text(edited)
+    assert command(given) == 2
+    said = capfd.readouterr().err
+    assert f"{drive / 'transforms.json'}: Changed since Unveil wrote it" in said and "add --replace" in said
+    assert (drive / "transforms.json").read_text() == edited
+    assert command([*given, "--replace"]) == 0
+    assert json.loads((drive / "transforms.json").read_text())["metric"] and (drive / "points.ply").is_file()

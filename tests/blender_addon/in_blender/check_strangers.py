@@ -137,6 +137,101 @@ def test_a_blend_that_says_another_file_is_painted_on_is_not_believed(addon, sce
     assert outside_file.read_bytes() == SECRET
 
 
+def of_a_blend(role: str, file: Path):  # type: ignore[no-untyped-def]
+    """A picture as a stranger's .blend may hold it: it plays a role, and is of any file."""
+    import bpy
+
+    image = bpy.data.images.load(str(file), check_existing=False)
+    (collection,) = (c for c in bpy.data.collections if c.get("unveil_role") == "drive")
+    image["unveil_role"], image["unveil_drive"] = role, collection["unveil_drive"]
+    return image
+
+
+@pytest.mark.parametrize("make", ["nothing", "hard", "before"])
+@pytest.mark.parametrize("source", ["FILE", "SEQUENCE", "TILED"])
+def test_a_mask_is_painted_in_its_own_copy_alone(addon, scene, workspace, tmp_path, make: str, source: str) -> None:
+    """Also by Blender's own Save, whatever picture the .blend has for it, and wherever its name leads."""
+    import bpy
+
+    opened(workspace)
+    mine = Path(shutil.copy(workspace / "frames/camera/05.png", tmp_path / "mine.1001.png"))
+    before = mine.read_bytes()
+    image = of_a_blend("mask:camera:03", mine)
+    image.source = source
+    copy = workspace / "outlines/drawn/painted/camera/03.png"
+    copy.parent.mkdir(parents=True)
+    if make == "hard":
+        copy.hardlink_to(mine)
+    elif make == "before":
+        copy.with_name("03_before.png").symlink_to(mine)
+        with pytest.raises(RuntimeError, match="is a link"):
+            bpy.ops.unveil.paint_mask()
+        copy.with_name("03_before.png").unlink()
+    assert bpy.ops.unveil.paint_mask() == {"FINISHED"}
+    (image,) = (i for i in bpy.data.images if i.get("unveil_role") == "mask:camera:03")
+    paint(image, np_mask(), (0.0, 1.0, 0.0))
+    painted_on = copy.read_bytes()
+    image.save()
+    assert mine.read_bytes() == before and copy.read_bytes() != painted_on
+
+
+def test_a_frame_is_painted_in_its_own_copy_alone(addon, scene, workspace, tmp_path) -> None:
+    import bpy
+
+    opened(workspace)
+    bpy.ops.unveil.paint_frame()
+    (fix,) = scene.unveil_selection.fixes
+    mine = Path(shutil.copy(workspace / "frames/camera/05.png", tmp_path / "mine.png"))
+    before = mine.read_bytes()
+    fix.image.filepath, fix.invent = str(mine), True
+    assert bpy.ops.unveil.paint_frame() == {"FINISHED"}
+    (fix,) = scene.unveil_selection.fixes
+    assert fix.invent
+    paint(fix.image, np_mask(), (0.0, 1.0, 0.0))
+    fix.image.save()
+    assert mine.read_bytes() == before
+    copy = workspace / "corrections/camera/03.png"
+    assert copy.read_bytes() != (workspace / "frames/camera/03.png").read_bytes()
+
+
+def test_what_was_packed_is_saved_into_the_copy(addon, scene, workspace) -> None:
+    """As a .blend does that packs its pictures: they count as saved, and are in no file."""
+    import bpy
+
+    opened(workspace)
+    bpy.ops.unveil.paint_frame()
+    (fix,) = scene.unveil_selection.fixes
+    paint(fix.image, np_mask(), (0.0, 1.0, 0.0))
+    fix.image.pack()
+    assert not fix.image.is_dirty
+    assert bpy.ops.unveil.paint_frame() == {"FINISHED"}
+    addon.module("choice.fixes").write(scene)
+    copy = bpy.data.images.load(str(workspace / "corrections/camera/03.png"))
+    assert pixels(copy)[60, 60] == pytest.approx((0.0, 1.0, 0.0), abs=0.01)
+
+
+def test_masks_are_painted_for_frames_of_the_drive_alone(addon, scene, workspace, tmp_path) -> None:
+    import bpy
+
+    opened(workspace)
+    mine = Path(shutil.copy(workspace / "frames/camera/05.png", tmp_path / "mine.png"))
+    shutil.copy(workspace / "frames/camera/03.png", tmp_path / "mine_before.png")
+    before = mine.read_bytes()
+    for name in ("painted", "painted_mattes"):
+        (workspace / f"outlines/drawn/{name}/camera").mkdir(parents=True)
+    up = os.path.relpath(tmp_path, workspace / "outlines/drawn/painted/camera")
+    window = bpy.context.window_manager.windows[0]
+    area = window.screen.areas[0]
+    area.type = "IMAGE_EDITOR"
+    area.spaces.active.image = of_a_blend(f"mask:camera:{up}/mine", mine)
+    with (
+        bpy.context.temp_override(window=window, area=area),
+        pytest.raises(RuntimeError, match="No mask of this frame was painted"),
+    ):
+        bpy.ops.unveil.use_painted()
+    assert mine.read_bytes() == before
+
+
 def np_mask():  # type: ignore[no-untyped-def]
     import numpy as np
 
