@@ -134,7 +134,7 @@ def _make(
     room: FrameCache,
 ) -> None:
     """Write a round."""
-    planted = plant(scene, cars, folder, room)
+    planted = plant(scene, cars, folder / "drive", folder / "cars", room)
     for held in planted.frames:
         assert held.ground is not None
         path = folder / "held" / held.frame.camera_name / f"{held.frame.name}.npz"

@@ -13,7 +13,8 @@ from typing import Any
 from unveil_core.app.console import reporting
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import write_json_atomic
-from unveil_core.base.output.written import GENERATOR, check_writable
+from unveil_core.base.output.single_files import Receipts, of_user, whole_file
+from unveil_core.base.output.written import GENERATOR
 from unveil_core.pipeline.output_place import check_file_place
 from unveil_core.pipeline.settings import RunSettings
 
@@ -23,12 +24,15 @@ __all__ = ["run_bench"]
 def run_bench(arguments: argparse.Namespace) -> int:
     """Run the benchmark that the command line asks for."""
     output, plot = arguments.output, arguments.what in _PLOTS
-    files = [] if output is None else _checked_output(arguments, plot)
+    receipts = of_user(replace=arguments.replace)
+    files = [] if output is None else _checked_output(arguments, receipts, plot)
     measured = _BENCHMARKS[arguments.what](arguments)
     if output is not None:
-        write_json_atomic(output, {"generator": GENERATOR, "files": files, **measured})
+        with whole_file(output, receipts) as made:
+            write_json_atomic(made, {"generator": GENERATOR, "files": files, **measured})
         if plot:
-            _PLOTS[arguments.what](measured, output.with_suffix(".png"))
+            with whole_file(output.with_suffix(".png"), receipts) as made:
+                _PLOTS[arguments.what](measured, made)
     if arguments.json or arguments.what not in _TABLES:
         print(json.dumps(measured, indent=None if arguments.json else 1))
     else:
@@ -36,18 +40,17 @@ def run_bench(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _checked_output(arguments: argparse.Namespace, plot: bool) -> list[str]:
+def _checked_output(arguments: argparse.Namespace, receipts: Receipts, plot: bool) -> list[str]:
     """The names of the files beside the JSON. Before anything is measured it is seen to that where they are to be written there is
     nothing yet, or an older measurement with its plot."""
     output: Path = arguments.output
     if output.is_dir() or output.suffix == ".png":
         raise SettingsError("Not the name of a JSON file", path=output, mend="name one with -o, as bench.json")
     check_file_place(output, [] if arguments.drive is None else [arguments.drive])
-    plots = [output.with_suffix(".png").name] * plot
-    if not arguments.replace:
-        mend = "name another file with -o, or add --replace to write over it"
-        check_writable(output.parent, plots, output.name, mend=mend)
-    return plots
+    plots = [output.with_suffix(".png")] * plot
+    for place in (output, *plots):
+        receipts.check(place)
+    return [p.name for p in plots]
 
 
 def _raster(arguments: argparse.Namespace) -> dict[str, Any]:

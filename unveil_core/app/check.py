@@ -11,21 +11,18 @@ from pathlib import Path
 from unveil_core.app.console import reporting_for, say
 from unveil_core.app.footage.solve import refuse_clip
 from unveil_core.app.given_settings import settings_of
-from unveil_core.base.errors import SettingsError
 
 __all__ = ["run_check"]
 
-MARK = b'<meta name="generator" content="unveil '
-"""What tells a page of this program."""
-MARKED_WITHIN = 1 << 12
-"""Bytes of a page in which the mark is."""
 NAMED = 60
 """Characters of the drive's name that the page's file keeps."""
 
 
 def run_check(arguments: argparse.Namespace) -> int:
     """Look at a drive, write the page, say what looks wrong; 2 where a run would not begin without being told to."""
+    from unveil_core.base.disk.rights import keep_rights
     from unveil_core.base.files import write_bytes_atomic
+    from unveil_core.base.output.single_files import of_user, whole_file
     from unveil_core.checkup.examined import examine_drive
     from unveil_core.checkup.page import check_page
     from unveil_core.pipeline.output_place import check_file_place
@@ -34,12 +31,8 @@ def run_check(arguments: argparse.Namespace) -> int:
     page = arguments.output or Path(f"check_{_plain(arguments.drive)}.html")
     page = page if page.suffix.lower() in (".html", ".htm") else page / "check.html"
     check_file_place(page, [arguments.drive])
-    if page.is_dir() or (page.exists() and not arguments.replace and not _is_page(page)):
-        raise SettingsError(
-            "Not written by Unveil, and so not replaced",
-            path=page,
-            mend="name another file with -o, or add --replace",
-        )
+    receipts = of_user(replace=arguments.replace)
+    receipts.check(page)
     with reporting_for(arguments) as reporter:
 
         def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
@@ -47,7 +40,9 @@ def run_check(arguments: argparse.Namespace) -> int:
             reporter({**event, "level": "info", **metrics})
 
         found = examine_drive(arguments.drive, settings_of(arguments), progress)
-    write_bytes_atomic(page, check_page(found).encode("utf-8", "replace"))
+    with whole_file(page, receipts) as made:
+        write_bytes_atomic(made, check_page(found).encode("utf-8", "replace"))
+        keep_rights([made], found.rights)
     if arguments.json:
         told = {
             "page": str(page),
@@ -77,13 +72,3 @@ def _plain(drive: Path) -> str:
     whole = drive.absolute()
     name = whole.parent.name if whole.suffix.lower() == ".json" else whole.name
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:NAMED] or "drive"
-
-
-def _is_page(path: Path) -> bool:
-    from unveil_core.base.disk.open_safely import open_file
-
-    try:
-        with open_file(path) as stream:
-            return MARK in stream.read(MARKED_WITHIN)
-    except OSError:
-        return False

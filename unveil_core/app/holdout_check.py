@@ -6,16 +6,18 @@ There is no true empty street of a real drive. See :mod:`unveil_core.evaluate.ho
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from unveil_core.base.disk.rights import rights_of
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import write_json_atomic
 from unveil_core.base.frame_cache import FrameCache
-from unveil_core.base.output.written import check_replaceable, note_written, written_in
+from unveil_core.base.output.own_folder import OwnFolder
+from unveil_core.base.output.written import check_replaceable
 from unveil_core.drives.imported import imported_files
 from unveil_core.evaluate import METHODS
 from unveil_core.evaluate.holdout.placement import find_places
@@ -34,8 +36,7 @@ __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
 CARS, MOST_CARS = 2, 9
 FOLDER = "holdout"
 """All that a check makes lies in a folder of this name, in the one that the user names."""
-WRITTEN = ("cars", "pictures")
-"""Folders of files therein; ``drive/``, ``workspace/`` and ``footage/`` have marks of their own."""
+MEND = "move it, or name another folder with -o"
 SCRATCH = ".scene."
 """How the folder begins of what the scene shows in each frame, while the check runs."""
 NEEDED = (
@@ -86,18 +87,25 @@ def check_footage(
         raise SettingsError(f"Out of range: {cars} virtual cars", mend=f"use 1 to {MOST_CARS}")
     source = Path(source)
     if (source / "workspace.json").is_file():
-        footage = Workspace.open(source)
-        _check_whole(footage)
+        given: Workspace | None = Workspace.open(source)
+        _check_whole(given)
         place = source.with_name(f"{source.resolve().name}_holdout") if output is None else Path(output)
-        folder = _own_folder(place, drives_of(footage))
+        drives = drives_of(given)
     else:
         if output is None:
             raise SettingsError("a drive needs a folder for the results", path=source, mend="name one with -o")
-        folder = _own_folder(Path(output), [source])
+        given, place, drives = None, Path(output), [source]
+    check_folder_place(place, drives)
+    with OwnFolder(place / FOLDER, mend=MEND) as own:
+        own.begin_anew()
+        own.check(["holdout.json"])
+        for name in ("workspace", "footage"):
+            Workspace.may_be(own.root / name)
+        check_replaceable(own.root / "drive", imported_files(own.root / "drive"), mend=MEND)
         # What a run would ask it says as a warning: this is a measurement, which has nobody to ask.
-        footage = run(source, folder / "footage", settings, until="inpaint", yes=True, reporter=reporter)
-    with TemporaryDirectory(prefix=SCRATCH, dir=folder) as scratch:
-        return _checked(footage, folder, cars, quality, device, references, network, reporter, Path(scratch))
+        footage = given or run(source, own.root / "footage", settings, until="inpaint", yes=True, reporter=reporter)
+        with TemporaryDirectory(prefix=SCRATCH, dir=own.root) as scratch:
+            return _checked(footage, own, cars, quality, device, references, network, reporter, Path(scratch))
 
 
 def _check_whole(workspace: Workspace) -> None:
@@ -108,32 +116,9 @@ def _check_whole(workspace: Workspace) -> None:
         )
 
 
-def _own_folder(place: Path, drives: Sequence[Path]) -> Path:
-    """The folder of a check in the one that the user named: a new one, or of a check before, with nothing else under the names
-    that are written there.
-
-    Raises:
-        SettingsError: it is somebody's; or see :func:`check_folder_place`.
-    """
-    check_folder_place(place, drives)
-    folder = place / FOLDER
-    mend = "move it, or name another folder with -o"
-    own = written_in(folder)
-    if own is None:
-        check_replaceable(folder, None, mend=mend)
-    for name in WRITTEN:
-        inside = [n.removeprefix(f"{name}/") for n in own or () if n.startswith(f"{name}/")]
-        check_replaceable(folder / name, inside, mend=mend)
-    check_replaceable(folder / "drive", imported_files(folder / "drive"), mend=mend)
-    for name in ("workspace", "footage"):
-        Workspace.may_be(folder / name)
-    note_written(folder, ["holdout.json"])
-    return folder
-
-
 def _checked(
     footage: Workspace,
-    folder: Path,
+    own: OwnFolder,
     cars: int,
     quality: str | None,
     device: str | None,
@@ -142,7 +127,7 @@ def _checked(
     reporter: Reporter,
     scratch: Path,
 ) -> dict[str, Any]:
-    """The check itself, see :func:`check_footage`; ``folder``: for all that is made, ``scratch``: for what is gone afterwards."""
+    """The check itself, see :func:`check_footage`; ``own``: for all that is made, ``scratch``: for what is gone afterwards."""
     started = time.monotonic()
     recorded = RunSettings.from_json(footage.state().get("settings", {}))
     cache = FrameCache(recorded.memory_bytes)
@@ -153,8 +138,8 @@ def _checked(
     )
     frames_of = [f"{f.camera_name}/{f.name}.png" for f in scene.drive.frames]
     strips = [f"pictures/{f.camera_name}_{f.name}.png" for f in scene.drive.frames]
-    note_written(folder, ["holdout.json", *(f"cars/{name}" for name in frames_of), *strips])
-    planted = plant(scene, placed, folder, cache, progress)
+    own.check([*(f"cars/{name}" for name in frames_of), *strips])
+    planted = plant(scene, placed, own.root / "drive", own.new / "cars", cache, progress)
     drive, added = planted.drive, planted.labels
     ids = tuple(range(added.first_instance or 0, (added.first_instance or 0) + len(placed)))
     chosen = replace(
@@ -167,14 +152,15 @@ def _checked(
     )
     # The drive with the cars is of this folder alone, as its workspace is: with other cars it is another drive.
     workspace = run(
-        folder / "drive", folder / "workspace", chosen, until="deliver", replace=True, yes=True, reporter=reporter
+        own.root / "drive", own.root / "workspace", chosen, until="deliver", replace=True, yes=True, reporter=reporter
     )
     found = measure_holdout(
         planted.frames, placed, drive, workspace.root, references=references, lpips=lpips, progress=_progress(reporter)
     )
-    write_strips(planted.frames, placed, drive, workspace.root, folder / "pictures")
+    write_strips(planted.frames, placed, drive, workspace.root, own.new / "pictures")
     found |= {"quality": chosen.quality, "seconds": round(time.monotonic() - started, 1)}
-    write_json_atomic(folder / "holdout.json", found)
+    write_json_atomic(own.new / "holdout.json", found)
+    own.exchange(rights=rights_of([own.root / "drive/images"]))
     return found
 
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.new_files import mode_like
 from unveil_core.base.errors import SettingsError, UnveilError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
-from unveil_core.base.output.written import check_writable, note_written
+from unveil_core.base.output.own_folder import OwnFolder
 from unveil_core.base.pictures.decoding import read_metadata
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.camera_path import View, drive_path, read_camera_path, shifted
@@ -98,23 +99,24 @@ def render_views(
     several = len({v.track for v in views}) > 1
     names = [f"{view.track}/{view.name}" if several else view.name for view in views]
     files = ["transforms.json", *(f"{plane}/{name}.png" for plane in planes for name in names)]
-    check_writable(output, files, mend="name an empty folder, or one that was rendered to, with -o")
     surfels, sky = read_scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
     first = drive.frames[0]
     colours = read_metadata(first.image_path if first.footage is None else first.footage.path).of_color
     frames = []
     try:
-        note_written(output, files)
-        for done, (view, name) in enumerate(zip(views, names, strict=True)):
-            for plane, picture in _pictures(surfels, sky, view.camera, planes, scene).items():
-                target = output / plane / f"{name}.png"
-                metadata = colours if plane == "rgb" else None
-                write_image_atomic(target, picture, like=drive.frames[0].image_path, metadata=metadata)
-            frames.append(_described(view, name, planes, drive))
-            progress(done + 1, len(views), "rendering")
-        scale = {"metric": True} if drive.scale_source == "metric" else {}
-        write_json_atomic(output / "transforms.json", {"camera_model": "PINHOLE", **scale, "frames": frames})
+        with OwnFolder(output, mend="name an empty folder, or one that was rendered to, with -o") as own:
+            own.check(files)
+            own.begin_anew()
+            for done, (view, name) in enumerate(zip(views, names, strict=True)):
+                for plane, picture in _pictures(surfels, sky, view.camera, planes, scene).items():
+                    metadata = colours if plane == "rgb" else None
+                    write_image_atomic(own.new / plane / f"{name}.png", picture, metadata=metadata)
+                frames.append(_described(view, name, planes, drive))
+                progress(done + 1, len(views), "rendering")
+            scale = {"metric": True} if drive.scale_source == "metric" else {}
+            write_json_atomic(own.new / "transforms.json", {"camera_model": "PINHOLE", **scale, "frames": frames})
+            own.exchange(rights=mode_like(first.image_path))
     except OSError as error:
         raise UnveilError(f"cannot be written: {error.strerror}", path=output) from error
     return len(views)

@@ -11,7 +11,7 @@ from typing import Any
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_image_atomic
-from unveil_core.base.output.written import check_writable, note_written
+from unveil_core.base.output.own_folder import OwnFolder
 from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
@@ -35,6 +35,7 @@ from unveil_core.workspace.files import frame_file
 __all__ = ["bench_pipeline", "plot_points", "write_pipeline_plot"]
 
 DONE, NEEDS_WEIGHTS = "done", "needs weights"
+MEND = "name an empty folder with --keep"
 
 
 def bench_pipeline(
@@ -85,7 +86,8 @@ def bench_pipeline(
         footage = open_footage(workspace, drive, settings, single_image, reference)
         measured = []
         if keep is not None:
-            check_writable(keep, _kept_names(footage, chosen), mend="name an empty folder with --keep")
+            with OwnFolder(keep, mend=MEND) as own:
+                own.check(_kept_names(footage, chosen))
         for name, row in chosen.items():
             missing = _missing_weights(row, settings, reference)
             if missing:
@@ -154,10 +156,11 @@ def _run_row(
 
 
 def _keep_frames(footage: Footage, frames: Sequence[Picture], keep: Path, row: str) -> None:
-    names = _kept_names(footage, [row])
-    note_written(keep, names)
-    for name, picture in zip(names, frames, strict=True):
-        write_image_atomic(keep / name, picture)
+    with OwnFolder(keep, mend=MEND) as own:
+        own.begin_anew()
+        for name, picture in zip(_kept_names(footage, [row]), frames, strict=True):
+            write_image_atomic(own.new / name, picture)
+        own.exchange()
 
 
 def _kept_names(footage: Footage, rows: Iterable[str]) -> list[str]:

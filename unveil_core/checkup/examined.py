@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from unveil_core.base.disk.rights import rights_of_files
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
@@ -64,6 +65,7 @@ class Examined:
         assumed: what is taken of it, a line each; told: what its reader tells.
         findings: what looks wrong, the worst first.
         way: from above; points: of the drive in one photograph, None where it has none near; labels: of three photographs.
+        rights: that the photographs have in common.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Examined:
     way: WayPicture
     points: PointsPicture | None
     labels: tuple[LabelPicture, ...]
+    rights: int = 0o600
 
     @property
     def asks(self) -> bool:
@@ -121,6 +124,7 @@ def examine_drive(path: str | Path, settings: RunSettings | None = None, progres
         way=way,
         points=points,
         labels=tuple(labels),
+        rights=rights_of_files(f.image_path for f in drive.frames),
     )
 
 

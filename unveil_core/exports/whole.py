@@ -1,47 +1,24 @@
-"""An exported file or folder appears whole, or not at all: it is made under a temporary name beside its place and renamed. Only
-what an export made is replaced."""
+"""An exported folder appears whole, or not at all: it is made under a temporary name beside its place and renamed. Only what an
+export made, and nobody changed since, is replaced."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import move, parsed_json, write_json_atomic
+from unveil_core.base.output.own_folder import stamps_in
 from unveil_core.base.output.scratch import scratch_folder
+from unveil_core.base.output.stamps import is_as_it_was, stamp_of
 from unveil_core.base.output.written import EXPORTED, GENERATOR, check_replaceable, files_in, written_in
 
-__all__ = ["TOLD", "camera_file", "check_free", "tell", "whole_file", "whole_folder"]
+__all__ = ["TOLD", "camera_file", "check_free", "tell", "whole_folder"]
 
 TOLD = EXPORTED
 """The file in each exported folder that tells what it is, and lists the files that were written with it."""
-
-
-@contextmanager
-def whole_file(path: Path, may_replace: Callable[[Path], None], note: Callable[[Path, Path], None]) -> Iterator[Path]:
-    """A temporary file name with the suffix of ``path`` to write to; renamed to ``path`` at the end, removed on an error.
-
-    A file beside it whose name continues its own, as ``made.ply.json``, goes along, first.
-
-    Args:
-        may_replace: called with each place before anything is moved; raises an error where another file lies there.
-        note: called with each file that is whole, and the place that it is about to be moved to.
-    """
-    with scratch_folder(path.parent, "export") as folder:
-        made = folder / f"made{path.suffix}"
-        yield made
-        beside = [p for p in folder.iterdir() if p.name.startswith(made.name) and p != made]
-        places = {file: path.with_name(path.name + file.name.removeprefix(made.name)) for file in (*beside, made)}
-        for place in places.values():
-            may_replace(place)
-        for file, place in places.items():
-            with file.open("rb+") as stream:
-                os.fsync(stream.fileno())
-            note(file, place)
-            move(file, place)
 
 
 @contextmanager
@@ -59,7 +36,8 @@ def whole_folder(path: Path) -> Iterator[Path]:
         told: Any = parsed_json((made / TOLD).read_bytes()) if (made / TOLD).is_file() else {"generator": GENERATOR}
         names = list(files_in(made))
         like = made / names[0] if names else None  # who may not read the files may not read of them
-        write_json_atomic(made / TOLD, {**told, "files": [name for name in names if name != TOLD]}, like=like)
+        files = {name: stamp_of(made / name) for name in names if name != TOLD}
+        write_json_atomic(made / TOLD, {**told, "files": files}, like=like)
         check_free(path)  # meanwhile somebody may have put something there
         if path.exists():
             move(path, before)
@@ -82,11 +60,15 @@ def camera_file(name: str) -> str:
 
 
 def check_free(path: Path) -> None:
-    """Refuse a folder with anything in it that no export wrote.
+    """Refuse a folder with anything in it that no export wrote, or that was changed since.
 
     Raises:
         SettingsError: with what is there and the mend.
     """
     if path.is_symlink() or (path.exists() and not path.is_dir()):
         raise SettingsError("Not a folder, and so not replaced", path=path, mend="name another place with -o")
-    check_replaceable(path, written_in(path, TOLD), mend="move it, or name another place with -o")
+    mend = "move it, or name another place with -o"
+    check_replaceable(path, written_in(path, TOLD), mend=mend)
+    changed = (n for n, stamp in (stamps_in(path, TOLD) or {}).items() if not is_as_it_was(path / n, stamp))
+    if (name := next(changed, None)) is not None:
+        raise SettingsError("Changed since Unveil wrote it, and so not replaced", path=path / name, mend=mend)

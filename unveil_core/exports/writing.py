@@ -9,14 +9,15 @@ from unveil_core.base.disk.open_safely import RefusedFileError
 from unveil_core.base.disk.rights import keep_rights, rights_of
 from unveil_core.base.errors import DiskFullError, SettingsError, UnveilError
 from unveil_core.base.files import full_disk
+from unveil_core.base.output.single_files import receipts_at, whole_file
 from unveil_core.exports.color import SRGB
 from unveil_core.exports.job import Job
-from unveil_core.exports.receipts import read_receipts
 from unveil_core.exports.registry import ExportFormat
-from unveil_core.exports.whole import check_free, whole_file, whole_folder
+from unveil_core.exports.whole import check_free, whole_folder
 
 __all__ = ["export"]
 
+RECEIPTS = ".exports.json"
 WITHOUT_PROFILE = frozenset(
     (
         "splat-ply",
@@ -50,7 +51,7 @@ def export(job: Job, places: Sequence[tuple[ExportFormat, Path]], *, replace: bo
         WorkspaceError: a stage that a format needs has not run.
         UnveilError: it cannot be written. DiskFullError: no room.
     """
-    receipts = read_receipts(job.workspace.root, replace=replace)
+    receipts = receipts_at(job.workspace.root / RECEIPTS, replace=replace)
     for one, path in places:
         if job.state != "empty" and not one.both_states:
             raise SettingsError(f"Not of this state: {one.name} shows the empty street only", mend="leave --state out")
@@ -66,7 +67,7 @@ def export(job: Job, places: Sequence[tuple[ExportFormat, Path]], *, replace: bo
         job.notice(f"{', '.join(without)}: the colours are the footage's ({job.colorspace}); these files cannot say so")
     for one, path in places:
         try:
-            with whole_file(path, receipts.check, receipts.note) if one.suffix else whole_folder(path) as made:
+            with whole_file(path, receipts) if one.suffix else whole_folder(path) as made:
                 one.write(job, made)
                 keep_rights((made.parent,), shared)
         except RefusedFileError:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.evenly import evenly
 from unveil_core.base.files import write_image_atomic
-from unveil_core.base.output.written import check_writable, note_written
+from unveil_core.base.output.own_folder import OwnFolder
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.cityscapes import CITYSCAPES
@@ -56,17 +56,18 @@ def write_preview(
         SettingsError: something else lies in the folder under the name of one.
     """
     read = labels or (lambda i: _own_labels(drive.frames[i]))
-    written = []
     chosen = preview_frames(drive)
     names = [f"{_safe(f.camera_name)}_{_safe(f.name)}.jpg" for f in (drive.frames[i] for i in chosen)]
-    check_writable(folder, names, mend="move it")
-    note_written(folder, names)
-    for done, (i, name) in enumerate(zip(chosen, names, strict=True)):
-        frame, path = drive.frames[i], folder / name
-        write_image_atomic(path, preview(read_image(frame.image_path), frame, read(i)), like=frame.image_path)
-        written.append(path)
-        progress(done + 1, len(chosen), "drawing labels")
-    return written
+    with OwnFolder(folder, mend="move it") as own:
+        own.check(names)
+        own.begin_anew()
+        for done, (i, name) in enumerate(zip(chosen, names, strict=True)):
+            frame = drive.frames[i]
+            drawn = preview(read_image(frame.image_path), frame, read(i))
+            write_image_atomic(own.new / name, drawn, like=frame.image_path)
+            progress(done + 1, len(chosen), "drawing labels")
+        own.exchange()
+    return [folder / name for name in names]
 
 
 def preview(image: NDArray[np.uint8], frame: Frame, labels: FrameLabels | None) -> NDArray[np.uint8]:

@@ -84,9 +84,14 @@ def check_file_place(output: Path, drives: Iterable[Path] = ()) -> None:
     """Check a place for a single file: it may lie beside a drive, or in a workspace, but not in the folders of either.
 
     Raises:
-        SettingsError: it lies in a drive, or where stages write.
+        SettingsError: it lies in a drive, where stages write, in a file, or directly on a disk.
     """
     folder = _resolved(output.parent)
+    if folder.parent == folder:
+        raise SettingsError("Not for results: the root of a disk", path=output, mend="name a file in a folder")
+    above = next(p for p in (folder, *folder.parents) if p.exists())
+    if not above.is_dir():
+        raise SettingsError("Not a folder", path=above, mend="name a file in a folder")
     _check_not_of_stages(folder, output)
     _check_not_within(folder, output, drives)
 

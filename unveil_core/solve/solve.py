@@ -125,6 +125,7 @@ def _check_inputs(inputs: Sequence[Path]) -> None:
 def _check_output(output: Path, inputs: Sequence[Path], settings: SolveSettings) -> None:
     if output.exists() and not output.is_dir():
         raise SettingsError("Not a folder", path=output, mend="name a folder with -o")
+    check_folder_place(output, again=True)
     target = output.resolve()
     for path in inputs:
         own = path.resolve()
@@ -132,7 +133,6 @@ def _check_output(output: Path, inputs: Sequence[Path], settings: SolveSettings)
             raise SettingsError(
                 f"lies in the footage, or around it: {path}", path=output, mend="name a folder beside it"
             )
-    check_folder_place(output, again=True)
     if settings.replace or not output.is_dir():
         return
     held = record_of(output / RECORD)

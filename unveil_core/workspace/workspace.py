@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from unveil_core.base.disk.links import EVENTS, LOCK, refuse_links
-from unveil_core.base.disk.lock import WRITABLE, Lock
+from unveil_core.base.disk.lock import WRITABLE, Lock, may_lock
 from unveil_core.base.disk.open_safely import LARGEST_STATE, RefusedFileError, open_in_place, read_bytes
 from unveil_core.base.errors import DiskFullError, WorkspaceError
 from unveil_core.base.files import full_disk, parsed_json, read_own_json, write_json_atomic
@@ -22,8 +21,6 @@ __all__ = ["Workspace", "is_workspace"]
 FORMAT = 1
 """Of workspace.json, raised when a workspace can no longer be read by the versions before."""
 WORKSPACE = "workspace.json"
-LONGEST_SIGNATURE = 1000
-"""Bytes in a lock file: a process and a host."""
 LARGEST_EVENTS = 1 << 28
 """Bytes of events.jsonl: hundred times that of the longest runs."""
 BEGUN = (LOCK, ".workspace.json.")
@@ -77,7 +74,7 @@ class Workspace:
             if workspace.workspace_json.is_file():
                 return True  # made by another process in this moment
             raise WorkspaceError("Not empty, and not a workspace", path=root, mend="name a new or empty folder")
-        if not _may_lock(workspace.root / LOCK):
+        if not may_lock(workspace.root / LOCK):
             raise WorkspaceError(
                 "Another program's file", path=workspace.root / LOCK, mend="name a new or empty folder"
             )
@@ -295,14 +292,3 @@ def _is_ours(data: object) -> bool:
         return False
     versions = data.get("versions")
     return is_ours(data) or (isinstance(versions, dict) and "unveil" in versions)
-
-
-def _may_lock(path: Path) -> bool:
-    """Whether a lock file that lies in a folder without workspace.json was left by this program: it is signed or still empty."""
-    try:
-        if not os.path.lexists(path):
-            return True
-        signed = read_bytes(path, LONGEST_SIGNATURE, links=False)
-    except OSError:
-        return False
-    return not signed or re.fullmatch(rb"\0\d+ on [^\0\r\n]*", signed) is not None

@@ -23,14 +23,15 @@ from unveil_core.base.files import write_bytes_atomic, write_image_atomic
 from unveil_core.base.output.copies import copied
 from unveil_core.base.disk.new_files import new_folder
 from unveil_core.base.disk.rights import keep_rights, rights_of
-from unveil_core.exports.whole import whole_file, whole_folder
+from unveil_core.base.output.single_files import receipts_at, whole_file
+from unveil_core.exports.whole import whole_folder
 from unveil_core.workspace.workspace import Workspace
 root = Path(sys.argv[1])
 os.umask(int(sys.argv[2], 8))
 write_bytes_atomic(root / "made/text", b"")
 write_image_atomic(root / "made/picture.png", np.zeros((2, 2), np.uint8), like=root / "own")
 copied(root / "own", root / "made/copy")
-with whole_file(root / "made/scene.ply", lambda place: None, lambda file, place: None) as path: path.write_bytes(b"")
+with whole_file(root / "made/scene.ply", receipts_at(root / "receipts")) as path: path.write_bytes(b"")
 with whole_folder(root / "made/folder") as path: (path / "a").write_bytes(b"")
 new_folder(root / "made", "f", "")
 space = Workspace.create(root / "made/w")

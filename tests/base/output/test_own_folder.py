@@ -103,12 +103,13 @@ def test_an_exchange_that_is_killed_is_finished_by_the_next_command(
 
 def test_two_commands_do_not_write_at_once(tmp_path: Path) -> None:
     with OwnFolder(tmp_path):
-        code = f"from unveil_core.base.output.own_folder import OwnFolder; OwnFolder(__import__('pathlib').Path({str(tmp_path)!r})).__enter__()"
-        other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+        code = "import sys; from pathlib import Path; from unveil_core.base.output.own_folder import OwnFolder; "
+        code += "OwnFolder(Path(sys.argv[1])).__enter__()"
+        other = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)
         assert InUseError.__name__ in other.stderr
 
 
-@pytest.mark.parametrize("name", ["b", "solve/c", ".new", ".lock", RECORD, EXCHANGE])
+@pytest.mark.parametrize("name", ["b", "solve/c", NEW, ".lock", RECORD, EXCHANGE])
 def test_a_strangers_folder_leads_nowhere(name: str, tmp_path: Path) -> None:
     root, home = tmp_path / "masks", tmp_path / "home"
     write(root, a="1")

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.base.files import write_json_atomic
+from unveil_core.base.output.own_folder import OwnFolder
 from unveil_core.base.output.written import (
+    GENERATOR,
     RECORD,
     check_replaceable,
-    check_writable,
     files_in,
-    note_written,
     strangers,
     written_in,
 )
@@ -26,29 +27,6 @@ def put(folder: Path, *names: str) -> None:
         (folder / name).write_text(name)
 
 
-def test_what_was_noted_may_be_written_again_and_nothing_else(tmp_path: Path) -> None:
-    check_writable(tmp_path / "new", ["rgb/0.png"], mend="move it")
-    note_written(tmp_path, ["rgb/0.png", "rgb/1.png"])
-    put(tmp_path, "rgb/0.png", "depth/0.png", "notes.txt")
-    check_writable(tmp_path, ["rgb/0.png", "rgb/1.png", "rgb/2.png"], mend="move it")
-    with pytest.raises(SettingsError, match=r"depth/0.png: Not written by Unveil, and so not replaced \(move it\)"):
-        check_writable(tmp_path, ["rgb/0.png", "depth/0.png"], mend="move it")
-    with pytest.raises(SettingsError, match=r"notes.txt: Not a folder, and a folder is to be written here"):
-        check_writable(tmp_path, ["notes.txt/0.png"], mend="move it")
-    os.symlink(tmp_path / "depth", tmp_path / "normal")
-    with pytest.raises(SettingsError, match="normal: Not a folder"):
-        check_writable(tmp_path, ["normal/1.png"], mend="move it")
-
-
-def test_the_list_grows_and_forgets_what_is_gone(tmp_path: Path) -> None:
-    assert written_in(tmp_path) is None
-    put(tmp_path, "a", "b/c")
-    note_written(tmp_path, ["a", "b/c"])
-    (tmp_path / "a").unlink()
-    note_written(tmp_path, ["d"])
-    assert written_in(tmp_path) == {RECORD, "b/c", "d"}
-
-
 @pytest.mark.parametrize(
     "content",
     ["", "[]", "{", '{"files": ["a"]}', '{"generator": 3}', '{"generator": "unveiled", "files": ["a"]}', "[" * 100_000],
@@ -57,14 +35,16 @@ def test_a_record_of_another_program_lists_nothing(content: str, tmp_path: Path)
     (tmp_path / RECORD).write_text(content)
     put(tmp_path, "a")
     assert written_in(tmp_path) is None
-    with pytest.raises(SettingsError, match="Not written by Unveil"):
-        check_writable(tmp_path, ["b"], mend="move it")
+    with pytest.raises(SettingsError, match="Not written by Unveil"), OwnFolder(tmp_path):
+        pass
     with pytest.raises(SettingsError, match="Not written by Unveil"):
         check_replaceable(tmp_path, written_in(tmp_path), mend="move it")
 
 
 def test_a_record_through_a_link_is_none(tmp_path: Path) -> None:
-    note_written(tmp_path / "real", ["a"])
+    put(tmp_path / "real", "a")
+    write_json_atomic(tmp_path / "real" / RECORD, {"generator": GENERATOR, "files": ["a"]})
+    assert written_in(tmp_path / "real") == {RECORD, "a"}
     (tmp_path / "other").mkdir()
     os.symlink(tmp_path / "real" / RECORD, tmp_path / "other" / RECORD)
     assert written_in(tmp_path / "other") is None

@@ -9,12 +9,12 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from unveil_core.base.disk.open_safely import RefusedFileError, open_in_place
+from unveil_core.base.disk.open_safely import RefusedFileError, open_in_place, read_bytes
 from unveil_core.base.errors import DiskFullError, InUseError, WorkspaceError
 from unveil_core.base.file_locks import TAKEN, lock_file
 from unveil_core.base.files import full_disk
 
-__all__ = ["IN_USE", "NO_LOCKS_VARIABLE", "WRITABLE", "Lock"]
+__all__ = ["IN_USE", "NO_LOCKS_VARIABLE", "WRITABLE", "Lock", "may_lock"]
 
 IN_USE = "In use by another process"
 """How the line of a command begins, after the workspace, that another process kept out."""
@@ -23,6 +23,8 @@ NO_LOCKS_VARIABLE = "UNVEIL_NO_LOCKS"
 """Of the environment; set to 1, a workspace whose file system has no locks is used all the same."""
 SIGNED_AT = 1
 """Where in its file the holder is named: on Windows the byte that is locked, the first, cannot be read."""
+LONGEST_SIGNATURE = 1000
+"""Bytes in a lock file: a process and a host."""
 MOST_FILES = 20
 """That are locked in turn where each is removed before it is known to be the one that the path names."""
 
@@ -177,3 +179,14 @@ def _is_at(handle: int, path: Path) -> bool:
         return os.path.samestat(os.fstat(handle), os.stat(path))
     except OSError:
         return False
+
+
+def may_lock(path: Path) -> bool:
+    """Whether a lock file that lies in a folder without workspace.json was left by this program: it is signed or still empty."""
+    try:
+        if not os.path.lexists(path):
+            return True
+        signed = read_bytes(path, LONGEST_SIGNATURE, links=False)
+    except OSError:
+        return False
+    return not signed or re.fullmatch(rb"\0\d+ on [^\0\r\n]*", signed) is not None

@@ -1,9 +1,9 @@
 """A folder of results that one command after another writes, as a solved drive, mattes, renders: the one way to write it.
 
-.lock             held by who writes
-.unveil.json      what was written, each file with its stamp
-.new/             new files, under the names that they are going to have; what is in it shows nobody's photographs to others
-.exchange.json    while new files take their places
+.lock                     held by who writes
+.unveil.json              what was written, each file with its stamp
+.unveil.new/              new files, under the names that they are going to have; others may not look into it
+.unveil.exchange.json     while new files take their places
 
 One command at a time works there. Nothing in it leads elsewhere. New files are made beside, and take their places at the end, under
 a journal: whatever ends the command, the next one finds all old files or all new ones. Only what is on the list and is as it was
@@ -21,17 +21,17 @@ from typing import Any
 
 from unveil_core.base.checks.names import is_inside
 from unveil_core.base.disk.links import LOCK, refuse_links
-from unveil_core.base.disk.lock import WRITABLE, Lock
+from unveil_core.base.disk.lock import WRITABLE, Lock, may_lock
 from unveil_core.base.disk.rights import keep_rights
 from unveil_core.base.errors import DiskFullError, SettingsError, WorkspaceError
 from unveil_core.base.files import full_disk, move, read_own_json, write_json_atomic
-from unveil_core.base.output.stamps import Stamp, is_unchanged, stamp_of
+from unveil_core.base.output.stamps import Stamp, is_as_it_was, is_unchanged, stamp_of
 from unveil_core.base.output.written import GENERATOR, LARGEST_RECORD, RECORD, files_in, is_ours, record_of
 
 __all__ = ["EXCHANGE", "NEW", "OwnFolder", "stamps_in"]
 
-NEW = ".new"
-EXCHANGE = ".exchange.json"
+NEW, EXCHANGE = ".unveil.new", ".unveil.exchange.json"
+"""Names that nobody else's files have: what is in the folder of new files is thrown away."""
 MEND = "move it away, or name another folder with -o"
 
 
@@ -69,6 +69,7 @@ class OwnFolder:
         self.says = dict(says or {})
         self.written: dict[str, Stamp | None] = {}
         self._lock = Lock(self.root / LOCK)
+        self._lock_is_new = False
         self._made: list[Path] = []
 
     def __enter__(self) -> OwnFolder:
@@ -84,12 +85,15 @@ class OwnFolder:
         try:
             self.root.mkdir(parents=True, exist_ok=True)
             refuse_links(self.root)
+            self._check_names()
+            self._lock_is_new = not (self.root / LOCK).exists()
             self._lock.__enter__()
         except OSError as error:
             raise self._cannot(error) from error
         try:
-            for half in self.root.glob(".*.json.*.partial"):
-                half.unlink()
+            for half in self.root.glob(f".{RECORD}.*.partial"), self.root.glob(f".{EXCHANGE}.*.partial"):
+                for file in half:
+                    file.unlink()
             self._finish()
             self.written = stamps_in(self.root) or {}
             if not self.new.exists():
@@ -106,13 +110,12 @@ class OwnFolder:
     ) -> None:
         """Let go of it; a folder that was made for nothing is removed again."""
         with suppress(OSError):
-            self.new.rmdir()
-        nothing = all(p.name == LOCK for p in self.root.iterdir()) if self._made and self.root.is_dir() else False
-        if nothing:
+            self.new.rmdir()  # where nothing is left in it
+        if self._lock_is_new and not any((self.root / n).exists() for n in (RECORD, NEW)):
             with suppress(OSError):
                 (self.root / LOCK).unlink()
         self._lock.__exit__(kind, error, trace)
-        for folder in self._made if nothing else ():
+        for folder in self._made:
             with suppress(OSError):
                 folder.rmdir()
 
@@ -123,11 +126,7 @@ class OwnFolder:
 
     def changed(self) -> list[str]:
         """Names of the files on the list that somebody changed since."""
-        return [
-            name
-            for name, stamp in self.written.items()
-            if stamp is not None and (self.root / name).is_file() and not is_unchanged(self.root / name, stamp)
-        ]
+        return [name for name, stamp in self.written.items() if not is_as_it_was(self.root / name, stamp)]
 
     def check(self, names: Iterable[str]) -> None:
         """Check that files may be put in their places, before the work begins.
@@ -146,8 +145,7 @@ class OwnFolder:
                 continue
             if name not in self.written:
                 raise SettingsError("Not written by Unveil, and so not replaced", path=place, mend=self.mend)
-            stamp = self.written[name]
-            if stamp is not None and not is_unchanged(place, stamp):
+            if not is_as_it_was(place, self.written[name]):
                 raise SettingsError("Changed since Unveil wrote it, and so not replaced", path=place, mend=self.mend)
 
     def exchange(self, *, drop: Collection[str] = (), rights: int = 0o666) -> None:
@@ -171,6 +169,14 @@ class OwnFolder:
         write_json_atomic(self.root / EXCHANGE, entry)
         self._finish()
         self.written = stamps_in(self.root) or {}
+
+    def _check_names(self) -> None:
+        """Check that what is called as the folder's own files are is this program's."""
+        record = self.root / RECORD
+        if record.exists() and record_of(record) is None:
+            raise SettingsError("Not written by Unveil, and so not replaced", path=record, mend=self.mend)
+        if not may_lock(self.root / LOCK):
+            raise SettingsError("Another program's file", path=self.root / LOCK, mend=self.mend)
 
     def _finish(self) -> None:
         """Do what the journal says, if there is one; what is done already is left out."""

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
+from stat import S_ISREG
 
 from unveil_core.base.disk.open_safely import open_file
 
-__all__ = ["Stamp", "is_unchanged", "mark_of", "stamp_of"]
+__all__ = ["Stamp", "is_as_it_was", "is_unchanged", "mark_of", "stamp_of"]
 
 Stamp = list[int | str]
-"""Bytes, nanoseconds of the last change, digest in hexadecimal; as JSON has it."""
+"""Bytes, nanoseconds of the last change, digest in hexadecimal; as JSON has it. Of a file with more than one name, which is a link
+to somebody's, the digest is "": it is not read."""
 PIECE = 1 << 20
 
 
 def stamp_of(file: Path) -> Stamp:
-    """The stamp of a regular file.
+    """The stamp of a file, or of a link itself.
 
     Raises:
-        OSError: it cannot be read, or is a link.
+        OSError: it cannot be read.
     """
     found = file.stat(follow_symlinks=False)
-    return [found.st_size, found.st_mtime_ns, _digest(file)]
+    alone = S_ISREG(found.st_mode) and found.st_nlink == 1
+    return [found.st_size, found.st_mtime_ns, _digest(file) if alone else ""]
 
 
 def is_unchanged(file: Path, held: object) -> bool:
@@ -35,6 +39,11 @@ def is_unchanged(file: Path, held: object) -> bool:
         return found.st_mtime_ns == held[1] or _digest(file) == held[2]
     except OSError:
         return False
+
+
+def is_as_it_was(file: Path, held: object) -> bool:
+    """The same, where a file that is gone, or that has no stamp, counts as it was."""
+    return held is None or not os.path.lexists(file) or is_unchanged(file, held)
 
 
 def mark_of(file: Path, name: str) -> str:

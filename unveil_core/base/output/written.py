@@ -8,14 +8,14 @@ refused with a line that names it.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
 from unveil_core.base.errors import SettingsError, UnveilError
-from unveil_core.base.files import read_own_json, write_json_atomic
+from unveil_core.base.files import read_own_json
 
 __all__ = [
     "DRIVE",
@@ -23,10 +23,8 @@ __all__ = [
     "GENERATOR",
     "RECORD",
     "check_replaceable",
-    "check_writable",
     "files_in",
     "is_ours",
-    "note_written",
     "record_of",
     "strangers",
     "written_in",
@@ -69,35 +67,6 @@ def written_in(folder: Path, record: str = RECORD) -> frozenset[str] | None:
     return frozenset(
         {record, *(n for n in listed if isinstance(n, str))} if isinstance(listed, list | dict) else {record}
     )
-
-
-def note_written(folder: Path, names: Iterable[str], record: str = RECORD) -> None:
-    """Record that these files are being written in a folder, beside those that were before: do so first, for then a run that is
-    ended halfway leaves nothing that the next one takes for somebody's."""
-    before = {n for n in written_in(folder, record) or () if _is_there(folder / n)}
-    files = sorted({*before, *names} - {record})
-    write_json_atomic(folder / record, {"generator": GENERATOR, "files": files})
-
-
-def check_writable(folder: Path, names: Iterable[str], record: str = RECORD, *, mend: str) -> None:
-    """Check that files can be written in a folder without writing over what this program did not write there.
-
-    Args:
-        names: of the files, relative to the folder, with "/".
-        mend: of the message.
-    Raises:
-        SettingsError: something else has such a name, or that of a folder on the way; it is named.
-    """
-    own, seen = written_in(folder, record) or frozenset(), set()
-    for name in (record, *names):
-        path = folder / name
-        if _is_there(path) and (name not in own or path.is_symlink() or path.is_dir()):
-            raise SettingsError("Not written by Unveil, and so not replaced", path=path, mend=mend)
-        for above in _folders_of(name):
-            if above not in seen and _is_there(folder / above) and not _is_folder(folder / above):
-                problem = "Not a folder, and a folder is to be written here"
-                raise SettingsError(problem, path=folder / above, mend=mend)
-            seen.add(above)
 
 
 def check_replaceable(

@@ -120,11 +120,12 @@ def read_scene(
 def plant(
     scene: FootageScene,
     cars: Sequence[VirtualCar],
-    folder: Path,
+    drive_folder: Path,
+    numbers_folder: Path,
     cache: FrameCache,
     progress: Progress = no_progress,
 ) -> Planted:
-    """Write ``drive/``, the drive with cars in it, and ``cars/``, whose pixel is whose, into a folder.
+    """Write the drive with cars in it, and pictures of whose pixel is whose, each into a folder.
 
     Args:
         cars: numbered from 1; cache: room for pictures and masks.
@@ -132,10 +133,10 @@ def plant(
     real, views = scene.drive.frames, scene.views
     pixels: Sequence[CarPixels] = cache.frames(len(real), lambda i: see_cars(cars, views.frames[i]))
     for frame, own in zip(real, pixels, strict=True):
-        write_image_atomic(folder / "cars" / frame.camera_name / f"{frame.name}.png", own.number)
+        write_image_atomic(numbers_folder / frame.camera_name / f"{frame.name}.png", own.number)
     added = added_labels(scene.drive, scene.labels)
     points = moved_points(scene.drive.points, views, pixels, cars)
-    drive = write_holdout_drive(scene.drive, pixels, scene.removed, points, added, folder / "drive", progress)
+    drive = write_holdout_drive(scene.drive, pixels, scene.removed, points, added, drive_folder, progress)
     known = seen_elsewhere(views, pixels, far=FAR_M, cache=cache)
     ground = cache.frames(len(real), lambda i: ground_shown(views.frames[i], scene.street, pixels[i].number > 0))
 
