@@ -127,7 +127,7 @@ def test_the_header_is_enough_for_the_size(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("width", "why"), [(2_000_000, "has more layers than are read"), (500_000, "claims 126,000,000 values")]
+    ("width", "why"), [(2_000_000, "has more pixels and layers than are read"), (500_000, "claims 126,000,000 values")]
 )
 def test_what_a_header_claims_is_bounded_before_memory_is_taken(width: int, why: str, tmp_path: Path) -> None:
     path = write_exr(tmp_path / "a.exr", light())
