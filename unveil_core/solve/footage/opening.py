@@ -78,7 +78,7 @@ def opened_clip(path: Path) -> Iterator[tuple[Any, Any]]:
             decoder = None if stream.codec_context is None else stream.codec_context.codec.name
             if decoder not in DECODERS.split(","):
                 raise DriveError(
-                    f"Not a readable video: its pictures are {decoder or 'of an unknown kind'}, which no camera writes",
+                    f"Not a readable video: its pictures are {decoder or 'of an unknown kind'}, which are not decoded here",
                     path=path,
                     mend="convert it: ffmpeg -i CLIP -c:v libx264 -crf 12 CONVERTED.mp4",
                 )
