@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..formats.open_safely import LARGEST_STATE, read_bytes
+from ..formats.open_safely import json_in
 
 __all__ = ["FOLDER", "Outlined", "clicks_text", "is_of_footage", "outlined_in"]
 
@@ -46,7 +46,7 @@ def outlined_in(folder: Path) -> list[Outlined]:
     Raises:
         OSError: there are none. ValueError: its file is damaged.
     """
-    content: Any = json.loads(read_bytes(folder / MARKED, LARGEST_STATE))
+    content: Any = json_in(folder / MARKED)
     try:
         return [Outlined(str(e["class"]), _inside(folder, str(e["mattes"]))) for e in content]
     except (KeyError, TypeError, AttributeError) as error:

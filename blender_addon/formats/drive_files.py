@@ -6,7 +6,6 @@ Scene coordinates are those of the workspace, z up with an origin amid the camer
 
 from __future__ import annotations
 
-import json
 import re
 import unicodedata
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .open_safely import LARGEST_TEXT, read_bytes, refuse_links
+from .open_safely import LARGEST_TEXT, json_in, refuse_links
 
 __all__ = ["FARTHEST", "DriveFrame", "ImportedDrive", "Lens", "file_below", "file_name", "read_drive", "read_json"]
 
@@ -119,10 +118,10 @@ def read_json(path: Path) -> Any:
         ValueError: it is no JSON; the message names the file.
     """
     try:
-        return json.loads(read_bytes(path, LARGEST_TEXT).decode("utf-8"))
+        return json_in(path, LARGEST_TEXT)
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise ValueError(f"{path}: Not readable: {error}") from error
 
 

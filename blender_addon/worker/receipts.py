@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..formats.files import own_folder, write_whole
-from ..formats.open_safely import LARGEST_STATE, read_bytes
+from ..formats.open_safely import json_in
 
 __all__ = ["is_somebodys", "note_saved"]
 
@@ -35,7 +35,7 @@ def note_saved(workspace: Path, path: Path) -> None:
 
 def _known(workspace: Path) -> dict[str, object]:
     with suppress(OSError, ValueError):
-        known = json.loads(read_bytes(workspace / "blender" / FILE, LARGEST_STATE))
+        known = json_in(workspace / "blender" / FILE)
         return known if isinstance(known, dict) else {}
     return {}
 

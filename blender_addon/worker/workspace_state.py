@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..formats.open_safely import LARGEST_SCENE, LARGEST_STATE, open_file, read_bytes
+from ..formats.open_safely import LARGEST_SCENE, LARGEST_STATE, json_in, open_file
 from ..formats.table.run_settings import of_stage
 
 __all__ = ["SOLVING", "STAGES", "StageState", "WorkspaceState", "read", "stages_of"]
@@ -105,7 +105,7 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
     """
     root = Path(root)
     try:
-        data = json.loads(read_bytes(root / "workspace.json", LARGEST_STATE))
+        data = json_in(root / "workspace.json")
         recorded = {str(name): _entry(entry) for name, entry in data.get("stages", {}).items()}
     except FileNotFoundError:
         return _none(root, "No results yet")
@@ -176,7 +176,7 @@ def _chosen(root: Path, wanted: Mapping[str, object]) -> dict[str, object]:
     if not wanted.get("remove") and not wanted.get("instances"):
         return {}  # everything that can be removed: that is one of the ways
     try:
-        made = json.loads(read_bytes(root / "selection.json", LARGEST_STATE))
+        made = json_in(root / "selection.json")
         found = {"remove": made["removed"], "instances": made["instances"]}
         return {k: wanted.get(k) if set(v) == set(wanted.get(k) or ()) else v for k, v in found.items()}  # type: ignore[call-overload]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):

@@ -89,7 +89,7 @@ def test_fewer_triangles_and_a_place_of_ones_own(
         (["--to", "obj", "--triangles", "0"], "0 triangles make no surface"),
         (["--to", "obj", "--triangles", "-1"], "-1 triangles make no surface"),
         (["-o", "workspace/meshes/empty.ply"], "empty.ply: The workspace's own mesh lies here"),
-        (["-o", "file/street.ply"], "street.ply: cannot be written"),
+        (["-o", "file/street.ply"], "file: Not a folder (name a file in a folder)"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import http.client
 import importlib.util
 import json
 import os
 import platform
+import re
 import shutil
 import signal
 import subprocess
 import threading
 import time
+import urllib.parse
 import urllib.request
 from dataclasses import replace
 from pathlib import Path
@@ -158,21 +161,46 @@ def cheap(root: Path, names: list[str], tmp_path: Path, *, broken: str = "", mem
     return batch
 
 
+def refusals(address: str) -> list[int]:
+    """What a dashboard answers a page of the web whose name leads here, and who does not know its address."""
+    told = urllib.parse.urlsplit(address)
+    place = told.path.rsplit("/", 1)[0]
+    paths = ("/status", "/", "/info/main/workers.html", "/json/identity.json", "/sitemap.json", "/health")
+    asked = [(path, "127.0.0.1") for path in paths]
+    asked += [(place + path, host) for path in paths for host in ("evil.example", "evil.example:8787", "")]
+    found = []
+    for path, host in asked:
+        connection = http.client.HTTPConnection(told.hostname or "", told.port)
+        connection.putrequest("GET", path, skip_host=True)
+        connection.putheader("Host", host)
+        connection.endheaders()
+        found.append(connection.getresponse().status)
+        connection.close()
+    return found
+
+
 def test_a_poisoned_drive_fails_alone_and_what_is_done_is_not_run_again(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     batch = cheap(tmp_path / "batch", ["one", "bad"], tmp_path, broken="bad")
     lines: list[str] = []
     pages: list[str] = []
+    refused: list[int] = []
 
     def tell(line: str) -> None:
         lines.append(line)
         if line.startswith("dashboard: "):
-            with urllib.request.urlopen(line.removeprefix("dashboard: ")) as page:
+            address = line.removeprefix("dashboard: ")
+            with urllib.request.urlopen(address) as page:
                 pages.append(page.read().decode())
+            for linked in re.findall(r'(?:href|src)="([^"]+\.(?:js|css|html))[?"]', pages[0]):
+                with urllib.request.urlopen(urllib.parse.urljoin(address, linked)) as part:
+                    assert part.status == 200
+            refused.extend(refusals(address))
 
     assert run_batch(batch, tell, workers=2) == ["bad.objects"]
     if importlib.util.find_spec("bokeh"):
         assert len(pages) == 1 and "task-stream" in pages[0] and "bokeh" in pages[0].lower()
+        assert len(refused) > 8 and set(refused) == {403}
     status = batch_status(batch)
     assert status["tasks"] == {"done": 2, "running": 0, "failed": 1, "to do": 1}
     assert state_of(batch, batch.tasks[2]).tries == RETRIES + 1

@@ -13,7 +13,7 @@ import pytest
 
 from tests.small_street import FRAMES, make_small_street
 from unveil_core.app.cli import main
-from unveil_core.base.errors import DriveError
+from unveil_core.base.errors import DriveError, WorkspaceError
 from unveil_core.base.output.own_folder import EXCHANGE
 from unveil_core.drives import open_drive
 from unveil_core.drives.imported import read_imported
@@ -137,6 +137,11 @@ def test_in_a_workspace_ids_are_new(street: Path, tmp_path: Path) -> None:
             for c in clicks_on(truth(street, CLICKED))[:1]]  # fmt: skip
     (now,) = mark(tmp_path / "ws", tmp_path / "masks", said)
     assert now.id == 1001 and iou(tmp_path / "masks", street) > 0.7
+    listed = tmp_path / "ws/objects.json"
+    for damaged in ("[", "[]", '{"objects": [{"id": "a"}]}'):
+        listed.write_text(damaged)
+        with pytest.raises(WorkspaceError, match=r"objects\.json: .*restore it"):
+            mark(tmp_path / "ws", tmp_path / "others", said)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import json
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -54,25 +55,29 @@ def write_labels(folder: Path) -> Path:
     return folder
 
 
-def write_clip(path: Path, pictures: list[np.ndarray], times: list[float] | None = None, **how: object) -> Path:
+def write_clip(path: Path, pictures: list[np.ndarray], times: list[float] | None = None, **how: Any) -> Path:
     """Pictures as a clip.
 
     Args:
         times: of each, seconds; None = ten a second.
-        how: codec, pixels (the layout), and options, of the encoder.
+        how: codec, pixels (the layout), rate and options of the encoder; format, where the name does not tell it; title.
     """
     import av
 
-    options: dict[str, str] = how.get("options", {"crf": "12"})  # type: ignore[assignment]
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream(str(how.get("codec", "libx264")), rate=Fraction(10), options=options)
+    options: dict[str, str] = how.get("options", {"crf": "12"})
+    with av.open(str(path), "w", format=how.get("format")) as container:
+        if "title" in how:
+            container.metadata["title"] = str(how["title"])
+        rate = Fraction(how.get("rate", 10))
+        stream = container.add_stream(str(how.get("codec", "libx264")), rate=rate, options=options)
         stream.height, stream.width = pictures[0].shape[:2]
         stream.pix_fmt = str(how.get("pixels", "yuv420p"))
-        stream.codec_context.time_base = Fraction(1, 600)
+        if "rate" not in how:
+            stream.codec_context.time_base = Fraction(1, 600)
         for k, rgb in enumerate(pictures):
             kind = "rgb48le" if rgb.dtype == np.uint16 else "rgb24"
             frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(rgb), format=kind).reformat(format=stream.pix_fmt)
-            frame.pts, frame.time_base = round(600 * (times[k] if times else k / 10)), Fraction(1, 600)
+            frame.pts, frame.time_base = round(600 * (times[k] if times else k / rate)), Fraction(1, 600)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
     return path

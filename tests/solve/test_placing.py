@@ -133,6 +133,18 @@ def test_what_is_no_track_is_one_line(content: str, tmp_path: Path) -> None:
         read_gpx(tmp_path / "a.gpx")
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-le", "utf-16-be"])
+def test_entities_of_a_track_are_refused_in_every_encoding(encoding: str, tmp_path: Path) -> None:
+    text = track(tmp_path / "a.gpx").read_text()
+    head = '<?xml version="1.0" encoding="UTF-16"?>' if "16" in encoding else ""
+    hostile = f'{head}<!DOCTYPE gpx [<!ENTITY year "2026">]>{text.replace("2026", "&year;", 1)}'
+    (tmp_path / "a.gpx").write_bytes(hostile.encode(encoding))
+    with pytest.raises(DriveError, match=r"a\.gpx: Not a GPX track: declares entities"):
+        read_gpx(tmp_path / "a.gpx")
+    (tmp_path / "a.gpx").write_bytes(f"{head}{text}".encode(encoding))
+    assert len(read_gpx(tmp_path / "a.gpx")[0]) > 2
+
+
 def test_degrees_are_metres_to_the_east_and_north() -> None:
     found_m = level_metres([(60.0, 10.0), (60.001, 10.001)])
     assert found_m[1] - found_m[0] == pytest.approx([55.66, 111.32], rel=1e-3)

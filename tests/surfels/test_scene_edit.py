@@ -90,3 +90,9 @@ def test_bytes_that_are_no_archive_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "edit.npz").write_bytes(b"no archive")
     with pytest.raises(WorkspaceError, match="Not an edit of the scene"):
         read_edit(tmp_path / "edit.npz")
+
+
+def test_what_is_packed_is_not_unpacked(tmp_path: Path) -> None:
+    np.savez_compressed(tmp_path / "edit.npz", removed=np.zeros(1 << 22, bool))
+    with pytest.raises(WorkspaceError, match="Not an edit of the scene: it unpacks to more than"):
+        read_edit(tmp_path / "edit.npz")

@@ -10,6 +10,7 @@ from typing import Any
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.wording import about_as_long, about_as_much
+from unveil_core.farm.dashboard import LOOPBACK, guard, local_dashboard, new_prefix
 from unveil_core.farm.manifest import Batch, BatchDrive, Task
 from unveil_core.farm.state import TaskState, note_state, state_of
 from unveil_core.farm.task import end_tasks, run_task, tasks_may_begin
@@ -24,7 +25,6 @@ PATIENCE = "20s"
 MEMORY, GPU = "unveil_mb", "unveil_gpu"
 """Names of the resources by which workers of a cluster declare their memory, MB, and their GPUs:
 ``dask worker --resources "unveil_mb=8000 unveil_gpu=1"``. No more tasks than fit run on such a worker at a time."""
-LOOPBACK = "127.0.0.1"
 BEGUN = "unveil-begun"
 """Topic under which workers tell what they begin."""
 Teller = Callable[[str], None]
@@ -52,8 +52,8 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
         return []
     waiting = {task.drive for task in open_tasks}
     drives = [drive for drive in batch.drives if drive.name in waiting]
-    with _client(_root(batch), scheduler, workers, drives, tell) as client:
-        tell(f"dashboard: {client.dashboard_link if scheduler else _local_dashboard(client)}")
+    with _client(_root(batch), scheduler, workers, drives, tell) as (client, dashboard):
+        tell(f"dashboard: {dashboard}")
         needs = {drive.name: _asked(client, drive, tell) for drive in drives}
         client.subscribe_topic(BEGUN, lambda event: tell(f"{event[1]['task']}: begun on {event[1]['where']}"))
         futures = _submitted(client, batch, open_tasks, needs)
@@ -61,8 +61,10 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
 
 
 @contextmanager
-def _client(root: str, scheduler: str | None, workers: int, drives: list[BatchDrive], tell: Teller) -> Iterator[Any]:
-    """A client of the cluster at an address, or of workers in this process."""
+def _client(
+    root: str, scheduler: str | None, workers: int, drives: list[BatchDrive], tell: Teller
+) -> Iterator[tuple[Any, str | None]]:
+    """A client of the cluster at an address, or of workers in this process; and the address of its dashboard."""
     from distributed import Client, LocalCluster
 
     with ExitStack() as stack:
@@ -72,7 +74,7 @@ def _client(root: str, scheduler: str | None, workers: int, drives: list[BatchDr
             except (OSError, TimeoutError, ValueError) as error:
                 mend = "start one, or use --workers"
                 raise SettingsError(f"no Dask scheduler answers at {scheduler}", mend=mend) from error
-            yield client
+            yield client, client.dashboard_link
             return
         gpus = max(drive.gpus for drive in drives)
         if gpus and workers > 1:
@@ -80,30 +82,27 @@ def _client(root: str, scheduler: str | None, workers: int, drives: list[BatchDr
         count = 1 if gpus else workers_that_fit(workers, max(drive.memory_mb for drive in drives), tell)
         # Workers are threads, for each task is a process of its own: so there is no port at which another user of this machine
         # could run code. The dashboard only shows what is done.
+        prefix = new_prefix()
         cluster = LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=False,
             dashboard_address=f"{LOOPBACK}:0",
             worker_dashboard_address=f"{LOOPBACK}:0",
+            scheduler_kwargs={"http_prefix": prefix},
             resources={GPU: gpus} if gpus else None,
             silence_logs=logging.CRITICAL,  # what a task says is told by this module
         )
         stack.callback(tasks_may_begin, root)
         client = stack.enter_context(Client(stack.enter_context(cluster)))
+        guard(cluster, prefix)
         stack.callback(end_tasks, root)  # first of the three: the cluster waits for its threads
-        yield client
+        yield client, local_dashboard(client, prefix)
 
 
 def _root(batch: Batch) -> str:
     """By which tasks know their batch."""
     return str(batch.root.absolute())
-
-
-def _local_dashboard(client: Any) -> str | None:
-    """Address of the dashboard of workers in this process; Dask itself says an address that the network would know. None = none."""
-    port = client.scheduler_info()["services"].get("dashboard")
-    return f"http://{LOOPBACK}:{port}/status" if port else None
 
 
 def workers_that_fit(wanted: int, memory_mb: int, tell: Teller) -> int:

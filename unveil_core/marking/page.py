@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base import wording
 from unveil_core.base.evenly import evenly
 from unveil_core.base.files import write_bytes_atomic, write_image_atomic
 from unveil_core.base.output.own_folder import OwnFolder
@@ -97,14 +98,19 @@ def write_page(
         write_image_atomic(own.new / sheet_name(it.thing), contact_sheet(it, drive, image))
     style = files("unveil_core.report").joinpath("page.css").read_text(encoding="utf-8")
     parts = [
-        f'<section><h2>{escape(t.name)} <small>{t.id}</small></h2><figure class="card"><img src="{escape(sheet_name(t))}" '
-        f'alt="{escape(t.name)} in the frames that show it"><figcaption>mattes/{escape(t.folder)}/ · clicked in '
-        f"{escape(', '.join(t.frames) or 'painted mattes')}</figcaption></figure></section>"
+        f'<section><h2>{_text(t.name)} <small>{t.id}</small></h2><figure class="card"><img src="{escape(sheet_name(t))}" '
+        f'alt="{_text(t.name)} in the frames that show it"><figcaption>mattes/{escape(t.folder)}/ · clicked in '
+        f"{_text(', '.join(t.frames) or 'painted mattes')}</figcaption></figure></section>"
         for t in things
         if any((place / sheet_name(t)).is_file() for place in (own.new, own.root))
     ]
     page = _PAGE.format(generator=escape(GENERATOR), style=style, parts="\n".join(parts))
     write_bytes_atomic(own.new / PAGE, page.encode())
+
+
+def _text(told: str) -> str:
+    """A text of a person or a stranger as a page shows it."""
+    return escape(wording.shown(told, longest=None))
 
 
 _PAGE = """<!doctype html>

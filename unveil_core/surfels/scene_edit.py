@@ -24,8 +24,6 @@ from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["NOT_SHORTENED", "SceneEdit", "Shortened", "read_edit", "write_edit"]
 
-LARGEST_BYTES = 1 << 36
-"""Of all arrays together: hundreds of millions of surfels."""
 MASKS = ("removed", "displaced", "relit")
 ADDED = "added."
 WIDTHS = {"means": (3,), "quats": (4,), "opacity_logits": (), "labels": ()}
@@ -124,7 +122,7 @@ def read_edit(path: Path, count: int | None = None) -> SceneEdit:
         problem = "Not found: the stage that writes it has not run, or an older version made the workspace"
         raise WorkspaceError(problem, path=path, mend="run `unveil run` again")
     try:
-        with open_npz(path, most_bytes=LARGEST_BYTES) as data:
+        with open_npz(path, most_bytes=path.stat().st_size) as data:  # it is written as it is, not packed
             return _edit({name: data[name] for name in data.files}, count)
     except NO_ARCHIVE as error:
         raise WorkspaceError(f"Not an edit of the scene: {error}", path=path, mend="run `unveil run` again") from error

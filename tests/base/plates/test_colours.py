@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -92,3 +93,35 @@ def test_a_studios_configuration_decides(tmp_path: Path, monkeypatch: pytest.Mon
     np.testing.assert_allclose(colours.decoded(colours.encoded(values)), values, rtol=1e-4, atol=1e-5)
     with pytest.raises(SettingsError, match="Not a configuration of OpenColorIO"):
         space_of_file(str(tmp_path / "gone.ocio"), tmp_path / "plate.exr", "openexr")
+
+
+CONFIGURATION = """ocio_profile_version: 2
+search_path: .
+roles: {scene_linear: lin_rec709, default: lin_rec709}
+colorspaces:
+  - !<ColorSpace>
+    name: lin_rec709
+  - !<ColorSpace>
+    name: film
+    to_scene_reference: !<FileTransform> {src: "of film, 1.spi1d"}
+"""
+
+
+@pytest.mark.parametrize("what", ["street.ocio", "of film, 1.spi1d"])
+def test_a_configuration_and_its_tables_are_files(what: str, tmp_path: Path) -> None:
+    """Who waits for a pipe waits for ever."""
+    pytest.importorskip("PyOpenColorIO")
+    named = tmp_path / "street.ocio"
+    named.write_text(CONFIGURATION)
+    table = tmp_path / "of film, 1.spi1d"
+    table.write_text("Version 1\nFrom 0.0 1.0\nLength 2\nComponents 1\n{\n0.0\n0.5\n}\n")
+    np.testing.assert_allclose(applied(np.ones((1, 3)), str(named), "film"), 0.5)
+    stranger = tmp_path / "stranger"
+    stranger.mkdir()
+    for path in (named, table):
+        (stranger / path.name).write_bytes(path.read_bytes())
+    (stranger / what).unlink()
+    os.mkfifo(stranger / what)
+    with pytest.raises(SettingsError, match="not a file but a pipe or a device") as told:
+        applied(np.ones((1, 3)), str(stranger / "street.ocio"), "film")
+    assert what in str(told.value) and "\n" not in str(told.value)

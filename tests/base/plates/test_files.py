@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import resource
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -122,6 +124,23 @@ def test_the_header_is_enough_for_the_size(tmp_path: Path) -> None:
     assert facts.kind == "openexr" and facts.size == (WIDTH, HEIGHT) and facts.pixel_aspect == 2.0
     with pytest.raises(DriveError, match="Not the size of its camera: 65x42 pixels, the camera says 64x42"):
         read_plate(path, (64, 42))
+
+
+@pytest.mark.parametrize(
+    ("width", "why"), [(2_000_000, "has more pixels and layers than are read"), (500_000, "claims 126,000,000 values")]
+)
+def test_what_a_header_claims_is_bounded_before_memory_is_taken(width: int, why: str, tmp_path: Path) -> None:
+    path = write_exr(tmp_path / "a.exr", light())
+    content = bytearray(path.read_bytes())
+    for window in (b"dataWindow", b"displayWindow"):
+        at = content.index(window) + len(window) + len(b"\0box2i\0") + 4
+        content[at : at + 16] = struct.pack("<4i", 0, 0, width - 1, HEIGHT - 1)
+    path.write_bytes(content)
+    assert plate_facts(path).size == (width, HEIGHT)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(DriveError, match=why):
+        read_plate(path)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < before + 50_000
 
 
 def test_what_cannot_be_kept_is_told(tmp_path: Path) -> None:

@@ -41,6 +41,15 @@ def test_no_pickled_object_is_loaded(tmp_path: Path) -> None:
     assert read_arrays(tmp_path / "x.npz") is None
 
 
+def test_what_is_packed_is_not_unpacked(tmp_path: Path) -> None:
+    """Checkpoints are written as they are: a file takes no more memory than it has bytes."""
+    np.savez_compressed(tmp_path / "x.npz", a=np.zeros(1 << 20))
+    assert read_arrays(tmp_path / "x.npz") is None
+    write_arrays(tmp_path / "y.npz", {"a": np.zeros(1 << 20), "b": np.zeros(0)})
+    found = read_arrays(tmp_path / "y.npz")
+    assert found is not None and found["a"].nbytes == 1 << 23
+
+
 def test_a_checkpoint_brings_back_arrays_and_facts(tmp_path: Path) -> None:
     facts = {"order": [3, 1], "state": {"big": 2**127 + 1}, "loss": 0.1 + 0.2, "none": None}
     checkpoint = Checkpoint(tmp_path / "c.npz", every_s=0.0)

@@ -73,6 +73,9 @@ def test_a_missing_or_damaged_drive_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "drive/cameras.json").write_text("{")
     with pytest.raises(ValueError, match="cameras.json: Not readable"):
         read_drive(tmp_path)
+    (tmp_path / "drive/cameras.json").write_text('{"frames": [' + "[]," * (1 << 21) + "[]]}")
+    with pytest.raises(ValueError, match=r"cameras.json: Not readable: it holds 4,\d+,\d+ values"):
+        read_drive(tmp_path)
     (tmp_path / "drive/cameras.json").write_text("[" * 200_000)
     with pytest.raises(ValueError, match="cameras.json: Not readable"):
         read_drive(tmp_path)

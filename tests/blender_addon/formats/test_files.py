@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from blender_addon.formats.files import copied, file_stamp, files_stamp, make_own, write_changed, write_whole
-from blender_addon.formats.open_safely import LARGEST_TEXT, read_bytes, refuse_links
+from blender_addon.formats.open_safely import LARGEST_TEXT, json_in, read_bytes, refuse_links
 
 
 class Holder:
@@ -84,6 +85,21 @@ def test_only_regular_files_are_read_and_none_without_an_end(tmp_path: Path) -> 
     with pytest.raises(OSError, match="larger than 6 bytes"):
         read_bytes(tmp_path / "a", 6)
     assert file_stamp(tmp_path / "pipe") == "" != file_stamp(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [(b"[" + b"[]," * (1 << 21) + b"[]]", "it holds 4,"), (b"[" * 200_000, "within one another"), (b"\xff", "utf-8")],
+)
+def test_json_without_measure_takes_no_memory(content: bytes, says: str, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_bytes(content)
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=says):
+        json_in(tmp_path / "a.json")
+    assert tracemalloc.get_traced_memory()[1] < 3 * len(content) + 1_000_000
+    tracemalloc.stop()
+    (tmp_path / "a.json").write_text('{"a": [1, 2.5]}')
+    assert json_in(tmp_path / "a.json") == {"a": [1, 2.5]}
 
 
 @needs_pipes

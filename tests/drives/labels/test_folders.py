@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -145,3 +146,33 @@ def test_pictures_may_lie_as_the_photographs_do(tmp_path: Path) -> None:
         write_picture(tmp_path / "labels" / name.removeprefix("images/"), 1)
     opened = open_drive(path, DriveOptions(labels=str(tmp_path / "labels")))
     assert [f.semantic_path for f in opened.frames] == [tmp_path / "labels" / n.removeprefix("images/") for n in names]
+
+
+@pytest.mark.parametrize("count", [20, 600])
+def test_names_that_could_be_read_in_very_many_ways_end_the_search(count: int, tmp_path: Path) -> None:
+    drive = make_tiny_drive(tmp_path / "drive")
+
+    def change(document: dict) -> None:  # type: ignore[type-arg]
+        for i, frame in enumerate(document["frames"]):
+            (tmp_path / "drive" / frame["file_path"]).rename(tmp_path / f"drive/images/{i}.png")
+            frame.update(camera="0", file_path=f"images/{i}.png")
+
+    edit(drive, change)
+    folder = tmp_path / "labels"
+    folder.mkdir()
+    for k in range(count):
+        (folder / ("0-" * 115 + f"{k}_x.png")).touch()
+    begun = time.process_time()
+    opened = open_drive(drive, DriveOptions(labels=str(folder)))
+    assert [f.semantic_path.name[-8:] for f in opened.frames if f.semantic_path] == [f"-{k}_x.png" for k in range(4)]
+    assert time.process_time() - begun < 10
+
+
+def test_a_number_that_stands_in_all_names_is_no_hindrance(tmp_path: Path) -> None:
+    drive = make_tiny_drive(tmp_path / "drive")
+    folder = tmp_path / "labels"
+    folder.mkdir()
+    for k in range(1500):
+        (folder / f"drive_0000_1_{k:06d}.png").touch()
+    opened = open_drive(drive, DriveOptions(labels=str(folder)))
+    assert [f.semantic_path and f.semantic_path.name for f in opened.frames][1] == "drive_0000_1_000001.png"

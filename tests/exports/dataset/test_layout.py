@@ -84,6 +84,25 @@ def test_the_reader_finds_the_clean_pictures(name: str, tmp_path: Path, capsys: 
     assert {p: p.read_bytes() for p in before} == before
 
 
+@pytest.mark.parametrize("name", KINDS)
+def test_links_that_lead_out_of_the_dataset_are_left_out(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = written(name, tmp_path / "data")
+    delivered(place, tmp_path / "ws")
+    home = tmp_path / "home"
+    (home / "photos").mkdir(parents=True)
+    (home / "key").write_text("private key")
+    (home / "photos/me.jpg").write_text("private picture")
+    (place / "key.txt").symlink_to(home / "key")
+    (place / "more").symlink_to(home / "photos", target_is_directory=True)
+    assert main(["export", str(tmp_path / "ws"), "--to", KINDS[name], "-o", str(tmp_path / "out")]) == 0
+    assert "links that lead out of the dataset are left out: key.txt, more" in capsys.readouterr().err
+    found = [p for p in (tmp_path / "out").rglob("*") if p.is_file()]
+    assert found and not any(p.read_bytes().startswith(b"private") for p in found)
+    assert not any(p.is_symlink() for p in (tmp_path / "out").rglob("*"))
+
+
 def test_another_dataset_is_told_with_the_way_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     delivered(written("KITTI raw", tmp_path / "data"), tmp_path / "ws")
     capsys.readouterr()

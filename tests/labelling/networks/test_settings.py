@@ -6,7 +6,10 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from docs.generate import ROOT
+from unveil_core.base.errors import SettingsError
 from unveil_core.labelling.networks import settings
 from unveil_core.labelling.networks.class_tables import ORDERS
 from unveil_core.labelling.networks.settings import CHECKS, NetworkSettings, read_settings
@@ -29,3 +32,10 @@ def test_the_module_names_every_key() -> None:
 
 def test_without_a_file_nothing_is_set(tmp_path: Path) -> None:
     assert read_settings(tmp_path / "net.onnx") == NetworkSettings(tmp_path / "net.toml")
+
+
+@pytest.mark.parametrize("content", ["names = " + "[" * 1500 + "]" * 1500, ".".join(["a"] * 20_000) + " = 1"])
+def test_a_file_without_measure_is_one_line(content: str, tmp_path: Path) -> None:
+    (tmp_path / "net.toml").write_text(content)
+    with pytest.raises(SettingsError, match=r"net\.toml: Not readable TOML: it has"):
+        read_settings(tmp_path / "net.onnx")

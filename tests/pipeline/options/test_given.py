@@ -72,6 +72,11 @@ def test_a_file_of_settings(tmp_path: Path) -> None:
         (b"seeds = 3", "Not a setting: seeds.*did you mean seed"),
         (b"[run]\nseed = 3", "Not a setting: run"),
         (b"seed = 1979-05-27", "Not a value of seed"),
+        (b"quality = " + b"[" * 1500 + b"]" * 1500, "Not a TOML file: it has too many lists or tables"),
+        (b"quality = " + b"{a=" * 300 + b"1" + b"}" * 300, "Not a "),
+        (b".".join([b"a"] * 20_000) + b" = 1", "Not a TOML file: it has more than 2000 dots"),
+        (b"".join(b".".join([b"a"] * 100) + b".b%d = 1\n" % i for i in range(150)), "Not a TOML file"),
+        (b"#" * (2 << 20), "Not readable: it is larger than 1,048,576 bytes"),
     ],
 )
 def test_a_file_that_is_none_is_one_line(content: bytes, message: str, tmp_path: Path) -> None:

@@ -21,8 +21,10 @@ __all__ = ["exr_facts", "is_lossy", "read_exr"]
 
 LOSSY = ("PXR24_COMPRESSION", "B44_COMPRESSION", "B44A_COMPRESSION", "DWAA_COMPRESSION", "DWAB_COMPRESSION")
 """That change numbers, or may."""
-MOST_VALUES = 1 << 30
+MOST_VALUES = 1 << 28
 """Of all parts and layers."""
+ALWAYS, PACKED = 1 << 26, 64
+"""Values that any file may claim; and of more, how many a byte: footage is packed to ten at most, black pictures to a thousand."""
 FLAT = ("scanlineimage", "tiledimage")
 NAMES = {"red": "R", "green": "G", "blue": "B", "alpha": "A"}
 """Of channels, in small letters, and what they are called usually."""
@@ -60,8 +62,13 @@ def _read(path: Path) -> Plate:
     parts = _parts(path, header_only=True)
     part, layer = _picture(parts, path)
     facts = _facts(parts, part, path)
-    if sum(_area(p.header) * len(p.header["channels"]) for p in parts) > MOST_VALUES:
-        raise DriveError("has more layers than are read", path=path, mend="export the picture's layer alone")
+    values, bytes_there = sum(_area(p.header) * len(p.header["channels"]) for p in parts), path.stat().st_size
+    if values > MOST_VALUES:
+        raise DriveError("has more pixels and layers than are read", path=path, mend="export the picture's layer alone")
+    if values > max(ALWAYS, PACKED * bytes_there):
+        raise DriveError(
+            f"claims {values:,} values in {bytes_there:,} bytes, which no footage is packed to", path=path, mend=COPY
+        )
     parts = _parts(path, header_only=False)
     channels = parts[part].channels
     names = [layer["Y"]] if "Y" in layer else [layer[n] for n in "RGB"]

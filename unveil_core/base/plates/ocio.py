@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from unveil_core.base.disk.open_safely import LARGEST_FILE, LARGEST_TEXT, RefusedFileError, check_file
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.types import Float32
 
@@ -18,6 +21,9 @@ OF_LIGHT = ("Linear Rec.709 (sRGB)", "lin_rec709_scene", "lin_rec709", "lin_srgb
 """Names under which configurations have linear light with the primaries of Rec. 709."""
 ROLES = {"openexr": "scene_linear", "dpx": "compositing_log"}
 """What a file is in that no rule of the configuration knows."""
+BUILT_IN = "ocio://"
+TABLE = re.compile(r'!<FileTransform> \{src: ("(?:[^"\\]|\\.)*"|[^",}]+)')
+"""A file in the text of a configuration, as the library writes it."""
 MEND = "mend OCIO, or unset it for what the files say themselves"
 
 
@@ -34,9 +40,33 @@ def _library(configuration: str) -> Any:
 def _configuration(configuration: str) -> Any:
     ocio = _library(configuration)
     try:
-        return ocio.Config.CreateFromFile(configuration)
-    except (ocio.Exception, ocio.ExceptionMissingFile) as error:
+        if not configuration.startswith(BUILT_IN):
+            check_file(configuration, LARGEST_TEXT)
+        config = ocio.Config.CreateFromFile(configuration)
+        _check_tables(ocio, config)
+        return config
+    except RefusedFileError as error:
+        problem = f"Not a configuration of OpenColorIO: {error.strerror}"
+        raise SettingsError(problem, path=error.filename or configuration, mend=MEND) from error
+    except (OSError, ocio.Exception, ocio.ExceptionMissingFile) as error:
         raise SettingsError(f"Not a configuration of OpenColorIO: {error}", path=configuration, mend=MEND) from error
+
+
+def _check_tables(ocio: Any, config: Any) -> None:
+    """Check the files that transforms name: the library opens them by itself, and would wait for a pipe.
+
+    Raises:
+        RefusedFileError: one is no regular file, or too large.
+    """
+    context = config.getCurrentContext()
+    for text in dict.fromkeys(TABLE.findall(config.serialize())):
+        name = json.loads(text) if text[0] == '"' else text
+        try:
+            check_file(Path(config.getWorkingDir()) / context.resolveFileLocation(name), LARGEST_FILE)
+        except RefusedFileError:
+            raise
+        except (OSError, ocio.Exception, ocio.ExceptionMissingFile):
+            continue  # the library says so where it needs it
 
 
 def space_of_file(configuration: str, path: Path, kind: str) -> str:

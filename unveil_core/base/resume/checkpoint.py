@@ -39,9 +39,9 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
-    """What :func:`write_arrays` wrote; None where it is missing or damaged, as a power cut leaves it."""
+    """What :func:`write_arrays` wrote; None where it is missing or damaged, as a power cut leaves it, or packed by somebody."""
     try:
-        with open_npz(path) as data:
+        with open_npz(path, most_bytes=path.stat().st_size) as data:
             return dict(data)
     except NO_ARCHIVE:
         return None

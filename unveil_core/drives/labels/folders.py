@@ -11,9 +11,11 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.base.evenly import evenly
 from unveil_core.drives.drive import Drive, Frame, FrameLabels
 from unveil_core.drives.marked import files_named
 
@@ -25,6 +27,10 @@ STEM, CAMERA = "\0s", "\0c"
 OF_CLASSES = ("trainid", "labelid", "label", "semantic", "sem", "seg", "class")
 OF_OBJECTS = ("instanceid", "instance", "panoptic", "inst", "object", "id")
 """Parts of names that pictures of classes, and instance maps, are known by, the best first."""
+MOST_WAYS, MOST_PLACES = 1000, 4
+"""Of naming, and of a part in one name: each way is held against all frames."""
+ASKED = 5
+"""Frames that are asked which ways they leave open."""
 OTHERS = ("color", "colour", "overlay", "vis", "depth", "blend", "conf", "rgb")
 """Parts of names of pictures beside them that are for people or of something else."""
 
@@ -97,7 +103,9 @@ def _pictures(drive: Drive, folder: Path, what: str, known_by: Sequence[str]) ->
     relative = {path: path.relative_to(folder).as_posix() for path in files}
     keys = Counter(_key(name) for name in relative.values())
     by_key = {_key(name): path for path, name in relative.items() if keys[_key(name)] == 1}
-    ways = list(dict.fromkeys(w for f in drive.frames[:1] for w in _ways(f, by_key)))
+    ways = _fewest_ways(drive, by_key)
+    if len(ways) > MOST_WAYS:
+        raise SettingsError(f"{folder} names its {what} in too many ways that could be meant", mend=LAYOUT)
     complete = [w for w in ways if _tells_apart(w, drive) and all(w.of(f) in by_key for f in drive.frames)]
     if not complete:
         missing = [f for f, path in zip(drive.frames, exact, strict=True) if path is None]
@@ -126,6 +134,13 @@ def _usual_places(frame: Frame, folder: Path, drive: Drive | None) -> Iterator[P
             yield folder / f"{stem}.png"
 
 
+def _fewest_ways(drive: Drive, by_key: dict[str, Path]) -> list[_Way]:
+    """The ways that one frame leaves open: of several frames that whose names occur least in what else names tell."""
+    some = (drive.frames[i] for i in evenly(len(drive.frames), ASKED))
+    found = (list(islice(_ways(frame, by_key), MOST_WAYS + 1)) for frame in some)
+    return min(found, key=len)
+
+
 def _ways(frame: Frame, by_key: dict[str, Path]) -> Iterator[_Way]:
     """Ways of naming in which a file is the picture of a frame."""
     camera = _key(frame.camera_name)
@@ -139,7 +154,7 @@ def _ways(frame: Frame, by_key: dict[str, Path]) -> Iterator[_Way]:
 
 def _replaced(text: str, part: str, by: str) -> Iterator[str]:
     """The text with one place of a part replaced, for each that is a word of its own."""
-    for match in re.finditer(rf"(?<![a-z0-9]){re.escape(part)}(?![a-z0-9])", text):
+    for match in islice(re.finditer(rf"(?<![a-z0-9]){re.escape(part)}(?![a-z0-9])", text), MOST_PLACES):
         yield text[: match.start()] + by + text[match.end() :]
 
 

@@ -25,7 +25,7 @@ from unveil_core.base.pictures.decoding import read_image_as_it_is, read_metadat
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.registry import FORMATS, open_drive
 from unveil_core.exports.dataset.jpeg_metadata import in_jpeg
-from unveil_core.exports.dataset.linked_tree import link_file, linked_tree
+from unveil_core.exports.dataset.linked_tree import is_within, link_file, linked_tree
 from unveil_core.exports.job import Job
 from unveil_core.exports.whole import tell
 
@@ -36,6 +36,8 @@ DATASETS = {"pandaset": ("PandaSet",), "kitti": ("KITTI raw", "KITTI odometry", 
 JPEG_QUALITY = 97
 """With colours at full resolution: a second compression is hardly to show beside that of the camera."""
 JPEG = (".jpg", ".jpeg")
+SHOWN = 3
+"""Names that a notice has."""
 OF_PART = ("scene", "cameras", "frames", "sweeps", "model", "pose_convention")
 """Of the recorded settings those that tell which part of the dataset was read."""
 
@@ -71,15 +73,20 @@ def _write(job: Job, folder: Path, name: str) -> None:
     inside = place.relative_to(root).as_posix()
     start = "" if inside == "." else f"{inside}/"
     within = {p.removeprefix(start): partial(put, job) for p, put in clean.items()}
-    linked_tree(place, folder / inside, within)
+    left_out = linked_tree(place, folder / inside, within)
     for path in outside:
         target = folder / path.relative_to(root)
-        if path.is_file() and not target.exists():
+        if path.is_symlink() or not is_within(path, root):
+            left_out.append(path.relative_to(root).as_posix())
+        elif path.is_file() and not target.exists():
             target.parent.mkdir(parents=True, exist_ok=True)
             link_file(path, target)
     job.notice(
         f"{name}: {len(clean)} photographs are clean; all other photographs, sweeps, boxes and labels are the dataset's own"
     )
+    if left_out:
+        named = ", ".join(left_out[:SHOWN]) + (f" and {len(left_out) - SHOWN} more" if len(left_out) > SHOWN else "")
+        job.notice(f"{name}: links that lead out of the dataset are left out: {named}; copy into it what belongs to it")
     told: dict[str, Any] = {"drive": inside, "clean": sorted(clean)}
     tell(folder, name, {**told, "colorspace": job.colorspace})
 

@@ -17,13 +17,12 @@ overlap = 0.45               # objects of one kind that overlap by more are one 
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
+from unveil_core.base.checks.toml import read_toml
 from unveil_core.base.errors import SettingsError
 from unveil_core.drives.cityscapes import CITYSCAPES
 from unveil_core.labelling.networks.class_tables import ORDERS, known_name
@@ -72,10 +71,10 @@ def read_settings(network: Path) -> NetworkSettings:
     """
     path = settings_path(network)
     try:
-        content = tomllib.loads(read_bytes(path, LARGEST_STATE).decode("utf-8"))
+        content = read_toml(path)
     except FileNotFoundError:
         return NetworkSettings(path)
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise SettingsError(f"Not readable TOML: {error}", path=path) from error
     given: dict[str, Any] = {}
     for key, value in content.items():

@@ -26,6 +26,10 @@ BRUSH_PX = 0.01
 """Width of a stroke that says none, a share of the picture's width."""
 MOST_PLACES = 100_000
 """In a file of strokes."""
+LONGEST_NAME, FARTHEST = 200, 1e6
+"""Of an object, letters; of a place from the picture's corner, pixels."""
+MOST_THICK = 32_000
+"""Pixels; OpenCV draws no thicker lines."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,7 @@ def of_file(path: Path) -> list[SaidObject]:
         if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
             raise ValueError("no list of objects")
         for entry in entries:
-            name = None if entry.get("object") is None else str(entry["object"])
+            name = _name(entry.get("object"))
             thing = found.setdefault(name, SaidObject(name))
             frame, of = str(entry["frame"]), str(entry.get("of", "footage"))
             if of not in ("footage", "camera"):
@@ -126,20 +130,28 @@ def of_file(path: Path) -> list[SaidObject]:
                 thing.said += [Said(frame, what, place, of) for place in _places(entry.get(what, []))]
             if entry.get("stroke"):
                 width = float(entry.get("width") or 0.0)
+                if not (math.isfinite(width) and width >= 0):
+                    raise ValueError(f"a width is a number of pixels, not {width}")
                 thing.said.append(Said(frame, "line", (width, _places(entry["stroke"])), of))
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError, OverflowError) as error:
         problem = f"Not a file of strokes: {error}"
         mend = 'a list of {"object": "car", "frame": "0007", "inside": [[x, y]], "stroke": [[x, y], …]}'
         raise SettingsError(problem, path=path, mend=mend) from error
     return list(found.values())
 
 
+def _name(given: Any) -> str | None:
+    if given is not None and not (isinstance(given, str) and len(given) <= LONGEST_NAME):
+        raise ValueError(f"object is a name of at most {LONGEST_NAME} letters")
+    return given
+
+
 def _places(given: Any) -> list[tuple[float, float]]:
     if not isinstance(given, list) or len(given) > MOST_PLACES:
         raise ValueError("places are a list of [x, y]")
     places = [(float(x), float(y)) for x, y in given]
-    if not np.isfinite(np.array(places)).all():
-        raise ValueError("places are numbers")
+    if not (np.abs(np.array(places)) <= FARTHEST).all():
+        raise ValueError("places are numbers, in or near the picture")
     return places
 
 
@@ -167,11 +179,11 @@ def painted_pixels(path: Path, frame: Frame) -> Mask:
 
 
 def line_drawn(width: float, places: Sequence[tuple[float, float]], frame: Frame) -> Mask:
-    """(h, w) of the footage, pixels under a stroke."""
+    """(h, w) of the footage, pixels under a stroke; it is no wider than the picture."""
     assert frame.footage is not None
     camera = frame.footage.camera
     mask = np.zeros((camera.height, camera.width), np.uint8)
-    thick = max(1, round(width or BRUSH_PX * camera.width))
+    thick = max(1, round(min(width or BRUSH_PX * camera.width, camera.width, MOST_THICK)))
     way = np.round(np.clip(np.array(places), -1e4, 1e5) - 0.5).astype(np.int32).reshape(-1, 1, 2)
     cv2.polylines(mask, [way], False, 1, thick)
     return mask.astype(bool)

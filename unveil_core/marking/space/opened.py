@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import LARGEST_TEXT
 from unveil_core.base.files import read_own_json
 from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
@@ -23,6 +24,7 @@ from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.photographs import photograph
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.workspace.files import known_objects
 from unveil_core.workspace.workspace import Workspace, is_workspace
 
 __all__ = ["Opened", "opened"]
@@ -88,8 +90,7 @@ def _of_workspace(workspace: Workspace) -> Opened:
     frames = tuple(
         f if f.footage is not None else replace(f, footage=Footage(f.image_path, f.camera)) for f in drive.frames
     )
-    listed = workspace.root / "objects.json"
-    taken = frozenset(int(e["id"]) for e in read_own_json(listed)["objects"]) if listed.is_file() else frozenset()
+    taken = frozenset(known_objects(workspace) or ())
     surface = None
     if workspace.surfels_full.is_file():
         from unveil_core.surfels.ply import read_surfels  # loads torch
@@ -99,7 +100,8 @@ def _of_workspace(workspace: Workspace) -> Opened:
         surfels = surfels.select(solid)
         surface = surfels.means.double().numpy(), surfels.normals().double().numpy()
     # A reconstructed scene has surfaces where it had no points.
-    measured = surface is not None or _measured(Path(str(read_own_json(workspace.drive_dir / CAMERAS)["source"])))
+    told = read_own_json(workspace.drive_dir / CAMERAS, LARGEST_TEXT).get("source") or drive.root
+    measured = surface is not None or _measured(Path(str(told)))
     return Opened(replace(drive, frames=frames), lambda v: read_image(frames[v].image_path), surface, taken, measured)
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
+from unveil_core.base.checks.toml import read_toml
 from unveil_core.base.errors import SettingsError
 from unveil_core.pipeline.options.given import settings_of_values
 from unveil_core.pipeline.options.table import SETTINGS
@@ -26,7 +25,7 @@ def read_settings_file(path: Path) -> dict[str, Any]:
         SettingsError: it cannot be read, is no TOML, or names what is no setting.
     """
     try:
-        values = tomllib.loads(read_bytes(path, LARGEST_STATE).decode("utf-8"))
+        values = read_toml(path)
     except OSError as error:
         problem = f"Not readable: {error.strerror or error}"
         raise SettingsError(problem, path=path, mend="name a TOML file of settings") from error

@@ -17,6 +17,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.solve.footage.frames import FootageFrame, Reel
+from unveil_core.solve.footage.opening import not_readable, opened_clip
 from unveil_core.solve.settings import focal_of_film
 
 __all__ = ["decode_clip", "noted_size"]
@@ -34,7 +35,6 @@ INTERLACED = (
     "the clip is interlaced: every frame is two moments. It is deinterlaced here; progressive footage, or a better deinterlacer "
     "before, gives sharper frames"
 )
-BROKEN = "copy the clip again from its source, or mend it with: ffmpeg -i CLIP -c copy MENDED.mp4"
 
 
 def decode_clip(
@@ -52,10 +52,7 @@ def decode_clip(
 
     notices: list[str] = []
     try:
-        with av.open(str(path)) as container:
-            if not container.streams.video:
-                raise _no_pictures(path)
-            stream = container.streams.video[0]
+        with opened_clip(path) as (container, stream):
             stream.thread_type = "AUTO"
             about = _About(container, stream)
             wanted = _wanted(frames, every, stream.frames or 0, path)
@@ -72,8 +69,7 @@ def decode_clip(
                     notices += _cut_short(number + 1, stream.frames or 0)
     except av.error.FFmpegError as error:
         if "found" not in locals() or not found.frames:
-            told = error.strerror or type(error).__name__
-            raise DriveError(f"Not a readable video: {told}", path=path, mend=BROKEN) from error
+            raise not_readable(path, error) from error
         notices.append(f"the clip is damaged after frame {found.frames[-1].number}: what comes before is used")
     if not found.frames:
         raise DriveError("has no frames in that part", path=path, mend="give --frames within the clip")
@@ -98,10 +94,7 @@ def noted_size(path: Path) -> tuple[int, tuple[int, int]]:
     import av
 
     try:
-        with av.open(str(path)) as container:
-            if not container.streams.video:
-                raise _no_pictures(path)
-            stream = container.streams.video[0]
+        with opened_clip(path) as (container, stream):
             count = stream.frames
             if not count and container.duration and stream.average_rate:
                 count = round(container.duration / 1e6 * float(stream.average_rate))
@@ -110,13 +103,10 @@ def noted_size(path: Path) -> tuple[int, tuple[int, int]]:
                 count = 1 + sum(1 for packet in container.demux(stream) if packet.size)
             turned = int(round(frame.rotation / 90)) % 2
             return int(count), (frame.height, frame.width) if turned else (frame.width, frame.height)
-    except (av.error.FFmpegError, StopIteration) as error:
-        told = getattr(error, "strerror", None) or "it has no frames"
-        raise DriveError(f"Not a readable video: {told}", path=path, mend=BROKEN) from error
-
-
-def _no_pictures(path: Path) -> DriveError:
-    return DriveError("Not a video: it has no pictures", path=path, mend="give a clip or a folder of pictures")
+    except StopIteration as error:
+        raise not_readable(path, "it has no frames") from error
+    except av.error.FFmpegError as error:
+        raise not_readable(path, error) from error
 
 
 def _decoded(container: Any, stream: Any, notices: list[str]) -> Iterator[tuple[int, Any]]:
