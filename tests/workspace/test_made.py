@@ -108,5 +108,5 @@ def test_recovery_removes_what_the_program_left_half_written_and_no_download(tmp
 def test_the_list_says_what_a_stage_made(tmp_path: Path) -> None:
     root = go(tmp_path / "w", 2).root
     listed = json.loads((root / ".made/frames.json").read_text())
-    assert listed["files"] == ["frames/front/0000.png", "frames/front/0001.png", "metrics.json"]
+    assert list(listed["files"]) == ["frames/front/0000.png", "frames/front/0001.png", "metrics.json"]
     assert listed["generator"].startswith("unveil")

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
-from unveil_core.base.errors import SettingsError
+from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.progress import Progress, no_notice, no_progress
 from unveil_core.exports.job import START_FRAME, TEXTURE_PX, Job
 from unveil_core.exports.registry import ExportFormat, formats_named, place_of
 from unveil_core.exports.splats.spz import SPZ_VERSION, check_spz
 from unveil_core.exports.writing import export
+from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.output_place import check_file_place, check_folder_place, drives_of
+from unveil_core.pipeline.up_to_date import Digests, changed_result
 from unveil_core.workspace.scene_states import check_scene_state
 from unveil_core.workspace.workspace import Workspace
 
@@ -19,6 +22,8 @@ __all__ = ["MESHES", "export_results"]
 
 MESHES = ("ply", "obj", "glb")
 """Formats that the suffix of a file may choose, and that go beside the workspace's meshes where no place is named."""
+UNREAD = ("report",)
+"""Stages of whose results no export takes anything."""
 MOST_LEVELS = 6
 SMALLEST_PAGE, LARGEST_PAGE = 64, 16_384
 """Sides of a page of textures, pixels: more is too large for graphics cards."""
@@ -91,7 +96,30 @@ def export_results(
         progress=progress,
         notice=notice,
     )
-    return export(job, _places(job, formats, output), replace=replace)
+    places, digests = _places(job, formats, output), Digests(workspace)
+    _check_as_made(workspace, digests)
+    made = export(job, places, replace=replace)
+    with suppress(OSError):  # without it files of a copied workspace are read again
+        digests.save()
+    return made
+
+
+def _check_as_made(workspace: Workspace, digests: Digests) -> None:
+    """Check that results are as the stages wrote them: a bit that turned over shows in no picture, and goes out with the export.
+
+    Raises:
+        WorkspaceError: one is not; with its file.
+    """
+    for stage in STAGES:
+        path = changed_result(stage.name, workspace, digests) if stage.name not in UNREAD else None
+        if path is not None:
+            raise WorkspaceError(
+                f"Not as the stage {stage.name} wrote it"
+                if path.is_file()
+                else f"Gone since the stage {stage.name} wrote it",
+                path=path,
+                mend="make it again with unveil run, which keeps yours in kept/; painted frames go in by --corrections",
+            )
 
 
 def _of_suffix(output: Path | None) -> list[str]:

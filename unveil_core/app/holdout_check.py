@@ -85,9 +85,9 @@ def check_footage(
     network = None if lpips is None else LpipsModel(lpips)
     if not 1 <= cars <= MOST_CARS:
         raise SettingsError(f"Out of range: {cars} virtual cars", mend=f"use 1 to {MOST_CARS}")
-    source = Path(source)
+    source, given = Path(source), None
     if (source / "workspace.json").is_file():
-        given: Workspace | None = Workspace.open(source)
+        given = Workspace.open(source)
         _check_whole(given)
         place = source.with_name(f"{source.resolve().name}_holdout") if output is None else Path(output)
         drives = drives_of(given)

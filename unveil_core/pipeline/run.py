@@ -169,8 +169,8 @@ def look_at(
     if bare:
         notices = [Notice("import", FEW_POINTS.format(len(read.points.positions) or "no"), "notice")]
     notices += [Notice("import", line, "notice") for line in told_of_solve(Path(drive))]
-    marked = () if settings.marked is None else told_of_footage(Path(settings.marked), read.frames)
-    notices += [Notice("import", line, "warning") for line in (*marked, *read.notices, *colour_notices(read.frames))]
+    other = () if settings.marked is None else told_of_footage(Path(settings.marked), read.frames)
+    notices += [Notice("import", line, "warning") for line in (*other, *read.notices, *colour_notices(read.frames))]
     notices += [] if not findings else [_worst(findings)]
     if labels == "nothing" and settings.marked is None:
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))

@@ -62,6 +62,7 @@ from unveil_core.pipeline.stage import (
 from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
 from unveil_core.workspace.assumptions import recorded_assumptions
 from unveil_core.workspace.journal import PARTIAL, commit, open_partial, recover
+from unveil_core.workspace.made import made_by
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["run_block", "run_stages"]
@@ -181,7 +182,7 @@ def run_stages(
             wanted = input_hash(stage, workspace, settings, drive, digests)
             all_recorded = workspace.state().get("stages", {})
             recorded, follows = all_recorded.get(stage.name, {}), _follows(stage, all_recorded)
-            if not force and is_current(stage, workspace, recorded, wanted):
+            if not force and is_current(stage, workspace, recorded, wanted, digests):
                 if recorded.get("status") != "done" or recorded.get("follows") != follows or "attempt" in recorded:
                     # After a broken-off attempt with other settings, or made from other inputs of the same content.
                     kept = {k: v for k, v in recorded.items() if k != "attempt"}
@@ -230,7 +231,7 @@ def run_block(
             digests = Digests(workspace)
             wanted = input_hash(stage, workspace, settings, drive, digests)
             recorded = workspace.state().get("stages", {}).get(stage.name, {})
-            if is_current(stage, workspace, recorded, wanted):
+            if is_current(stage, workspace, recorded, wanted, digests):
                 return False
             count = len(cut_into_blocks(read_imported(workspace.drive_dir, points=False)).blocks)
             if not 0 <= number < count:
@@ -339,6 +340,7 @@ class _Attempt:
         if used.notes:
             record["device_notes"] = used.notes
         commit(workspace, stage.name, partial, stage.outputs, record)
+        digests.trust(made_by(workspace.root, stage.name))
         for note in used.notes:
             self.reporter(workspace.log(stage.name, note, level="notice"))
         for _, assumption in recorded_assumptions({stage.name: record}):

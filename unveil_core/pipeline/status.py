@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from unveil_core.base.errors import UnveilError, WorkspaceError
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage
-from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
+from unveil_core.pipeline.up_to_date import Digests, changed_result, depends_on, input_hash, is_current
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["StageState", "explained_states", "stage_states", "stages_not_begun"]
@@ -39,7 +40,10 @@ def stage_states(
 
 
 def explained_states(
-    workspace: Workspace, settings: RunSettings | None = None, drive: Path | None = None
+    workspace: Workspace,
+    settings: RunSettings | None = None,
+    drive: Path | None = None,
+    stages: Sequence[Stage] = STAGES,
 ) -> dict[str, StageState]:
     """State of each stage and why it is so, by name, in the order of their dependence; nothing is written.
 
@@ -47,6 +51,7 @@ def explained_states(
         workspace: where.
         settings: that a run would have; those recorded by default.
         drive: likewise.
+        stages: in the order of their dependence.
     """
     recorded = workspace.state()
     settings = settings or RunSettings.from_json(recorded.get("settings", {}))
@@ -55,7 +60,7 @@ def explained_states(
     running = _in_use(workspace)
     states: dict[str, StageState] = {}
     will_change: dict[str, str] = {}
-    for stage in STAGES:
+    for stage in stages:
         entry = recorded.get("stages", {}).get(stage.name, {})
         status = entry.get("status")
         if status == "running" and running:
@@ -68,7 +73,8 @@ def explained_states(
             if state == "to do":
                 why = "not made yet"
             elif state == "stale":
-                why = _changed(stage, entry, settings) or (f"follows {after}" if after else CHANGED)
+                why = _changed(stage, entry, settings) or _damaged(stage, workspace, digests)
+                why = why or (f"follows {after}" if after else CHANGED)
             if status == "failed" and state != "done":
                 state, why = "failed", "failed the last time"
             found = StageState(state, why)
@@ -92,6 +98,14 @@ def _changed(stage: Stage, entry: dict[str, Any], settings: RunSettings) -> str:
     return ", ".join(f"{name} {_word(old)} -> {_word(new)}" for name, old, new in pairs)
 
 
+def _damaged(stage: Stage, workspace: Workspace, digests: Digests) -> str:
+    """The file of a stage's result that is another one than the stage wrote."""
+    path = changed_result(stage.name, workspace, digests)
+    if path is None:
+        return ""
+    return f"{path.relative_to(workspace.root).as_posix()} {'was changed since' if path.is_file() else 'is gone'}"
+
+
 def _word(value: object) -> str:
     if value in (None, [], ()):
         return "auto"
@@ -108,7 +122,7 @@ def _state_at_rest(
         wanted = input_hash(stage, workspace, settings, drive, digests)
     except UnveilError:
         return "done"
-    return "done" if is_current(stage, workspace, entry, wanted) else "stale"
+    return "done" if is_current(stage, workspace, entry, wanted, digests) else "stale"
 
 
 def _in_use(workspace: Workspace) -> bool:

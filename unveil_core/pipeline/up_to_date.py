@@ -13,13 +13,15 @@ from typing import Any
 
 from unveil_core.base.disk.open_safely import LARGEST_TEXT, open_file
 from unveil_core.base.files import read_own_json, write_json_atomic
+from unveil_core.base.output.stamps import Stamp
 from unveil_core.base.surroundings.user_cache import user_cache_folder
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Stage
+from unveil_core.workspace.made import made_by
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Digests", "depends_on", "input_hash", "is_current"]
+__all__ = ["Digests", "changed_result", "depends_on", "input_hash", "is_current"]
 
 CONTENT_MARKS = 2
 """Of a file's marks those by which a stage's inputs are watched: size and time. The system's time changes with rights and names,
@@ -62,6 +64,19 @@ class Digests:
             digest = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()  # type: ignore[arg-type]
         self.known[key] = [*marks, digest]
         return digest
+
+    def agrees(self, path: Path, stamp: Stamp) -> bool:
+        """Whether a file has the content that its stamp tells of."""
+        if not stamp[2]:
+            return path.stat().st_size == stamp[0]
+        return self.of_file(path) == stamp[2]
+
+    def trust(self, files: Mapping[str, Stamp | None]) -> None:
+        """Take the digests of files that were written just now, relative to the workspace, from their stamps."""
+        for name, stamp in files.items():
+            if stamp is not None and stamp[2]:
+                self.known[name] = [*_marks((self.root / name).stat()), stamp[2]]
+                self.used.add(name)
 
     def of(self, path: Path) -> list[tuple[str, str]]:
         """(relative name, digest) of a file or of all files in a folder."""
@@ -146,6 +161,16 @@ def depends_on(inputs: Sequence[str], outputs: Sequence[str] | set[str]) -> bool
     return any(a == b or a.startswith(f"{b}/") or b.startswith(f"{a}/") for a in inputs for b in outputs)
 
 
-def is_current(stage: Stage, workspace: Workspace, recorded: Mapping[str, Any], wanted: str) -> bool:
-    """Whether a stage's outputs are there and were made from what its input hash ``wanted`` says."""
-    return recorded.get("input_hash") == wanted and all((workspace.root / n).exists() for n in stage.outputs)
+def is_current(stage: Stage, workspace: Workspace, recorded: Mapping[str, Any], wanted: str, digests: Digests) -> bool:
+    """Whether a stage's outputs are there, as the stage wrote them, and were made from what its input hash ``wanted`` says."""
+    there = recorded.get("input_hash") == wanted and all((workspace.root / n).exists() for n in stage.outputs)
+    return there and changed_result(stage.name, workspace, digests) is None
+
+
+def changed_result(stage: str, workspace: Workspace, digests: Digests) -> Path | None:
+    """The first file that a stage made which is gone, or is another one since: a person's, or a damaged one; None = none."""
+    for name, stamp in made_by(workspace.root, stage).items():
+        path = workspace.root / name
+        if not path.is_file() or (stamp is not None and not digests.agrees(path, stamp)):
+            return path
+    return None

@@ -1,8 +1,8 @@
 """What stages made in a workspace, by name: a stage's new outputs take the place of its old ones, and of nothing else.
 
 A workspace is a folder in which people work, too: a compositor's script beside the frames, notes in ``report/``. With its outputs
-each stage leaves a list of them, ``.made/STAGE.json``. What is not on it is somebody's and stays where it is when the stage runs
-again; where a new output has its name, it is put into ``kept/``.
+each stage leaves a list of them with their stamps, ``.made/STAGE.json``. What is not on it, or was changed since, is somebody's and
+stays where it is when the stage runs again; where a new output has its name, it is put into ``kept/``.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.files import move, write_json_atomic
-from unveil_core.base.output.written import GENERATOR, files_in, record_of, strangers
+from unveil_core.base.output.own_folder import stamps_in
+from unveil_core.base.output.stamps import Stamp, is_as_it_was, stamp_of
+from unveil_core.base.output.written import GENERATOR, files_in, strangers
 
-__all__ = ["KEPT", "half_written", "keep_strangers", "note_made"]
+__all__ = ["KEPT", "half_written", "keep_strangers", "made_by", "note_made"]
 
 MADE = ".made"
 KEPT = "kept"
@@ -37,8 +39,14 @@ def note_made(partial: Path, stage: str, outputs: Sequence[str]) -> str:
         place = partial / name
         files += [f"{name}/{inside}" for inside in files_in(place)] if place.is_dir() else [name] * place.is_file()
     note = f"{MADE}/{stage}.json"
-    write_json_atomic(partial / note, {"generator": GENERATOR, "files": files})
+    stamps = {name: stamp_of(partial / name) for name in files}
+    write_json_atomic(partial / note, {"generator": GENERATOR, "files": stamps})
     return note
+
+
+def made_by(root: Path, stage: str) -> dict[str, Stamp | None]:
+    """The files of a workspace that a stage made, relative to it, each with its stamp; those of older versions have none."""
+    return stamps_in(root / MADE, f"{stage}.json") or {}
 
 
 def keep_strangers(root: Path, stage: str, name: str, source: Path, recorded: Mapping[str, Any]) -> None:
@@ -49,15 +57,14 @@ def keep_strangers(root: Path, stage: str, name: str, source: Path, recorded: Ma
         stage, name: whose output; source: where it lies now, a file or a folder.
         recorded: the stage's entry in workspace.json. Versions before left no list: what they record as an output is all theirs.
     """
-    target, note = root / name, record_of(root / MADE / f"{stage}.json")
+    target, note = root / name, stamps_in(root / MADE, f"{stage}.json")
     if (
         not os.path.lexists(target)
         or name.startswith(f"{MADE}/")
         or (note is None and name in recorded.get("outputs", ()))
     ):
         return
-    listed = note.get("files") if note is not None else None
-    own = [n for n in listed if isinstance(n, str)] if isinstance(listed, list) else []
+    own = [n for n, stamp in (note or {}).items() if is_as_it_was(root / n, stamp)]
     if not target.is_dir():
         if name not in own:
             _put_aside(root, target)

@@ -50,17 +50,13 @@ ALLOWED = {
     "unveil_core/base/disk/lock.py": "the workspace's folder, which is locked",
     "unveil_core/evaluate/perceptual.py": "a network that the user names, looked at before",
     "unveil_core/base/output/single_files.py": "was just made",
+    "unveil_core/exports/whole.py": "was just made",
     "unveil_core/exports/dataset/layout.py": "copies what was just delivered",
     "unveil_core/exports/dataset/linked_tree.py": "copies where no link can be made",
     "unveil_core/base/plates/dpx.py": "OpenImageIO opens plates itself, after they were looked at",
     "unveil_core/base/plates/plate.py": "was just made",
     "unveil_core/marking/page.py": "the program's own",
     "unveil_core/solve/page.py": "the program's own",
-<<<<<<< HEAD
-    "unveil_core/solve/footage/video.py": "PyAV opens clips itself, after they were looked at",
-=======
-    "unveil_core/solve/footage/photographs.py": "copies what was read whole before",
->>>>>>> readers
     "unveil_core/solve/mapping/child.py": "the system's null device, and a data base that was just made",
     "blender_addon/formats/table/run_settings.py": "the program's own",
     "unveil_core/exports/cameras/colmap.py": "writes into a folder that was just made",
