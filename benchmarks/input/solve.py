@@ -26,8 +26,8 @@ from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, PointCloud
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.geometry.transforms import nearest_rotation
-from unveil_core.solve.placing import height_over_way
 from unveil_core.points.of_drive import found_points
+from unveil_core.solve.placing import height_over_way
 from unveil_core.solve.settings import SolveSettings
 from unveil_core.solve.solve import solve
 

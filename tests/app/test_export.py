@@ -13,6 +13,8 @@ import trimesh
 from tests.evaluate.street_workspace import OFFSET, build_workspace
 from tests.mesh.test_tsdf import street_views
 from unveil_core.app.cli import main
+from unveil_core.base.output.stamps import stamp_of
+from unveil_core.base.output.written import GENERATOR
 from unveil_core.drives.imported import read_imported
 from unveil_core.mesh import Mesh, fuse, write_glb, write_ply
 
@@ -116,3 +118,26 @@ def test_no_mesh_yet(workspace: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert main(["export", str(workspace), "--to", "glb"]) == 2
     error = capsys.readouterr().err
     assert "empty.ply: cannot be read" in error and "run `unveil mesh`" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["drive/points.ply", "meshes/empty.ply"])
+@pytest.mark.parametrize("how", ["one bit", "gone"])
+def test_a_result_with_a_bit_that_turned_over_goes_out_with_no_export(
+    name: str, how: str, workspace: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root, file = workspace, workspace / name
+    stage = {"drive": "import", "meshes": "mesh"}[name.split("/")[0]]
+    (root / ".made").mkdir(exist_ok=True)
+    (root / f".made/{stage}.json").write_text(json.dumps({"generator": GENERATOR, "files": {name: stamp_of(file)}}))
+    assert main(["export", str(root), "--to", "ply", "-o", str(tmp_path / "a.ply")]) == 0
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.unlink() if how == "gone" else file.write_bytes(bytes(content))
+    capsys.readouterr()
+    assert main(["export", str(root), "--to", "ply", "-o", str(tmp_path / "b.ply")]) == 2
+    said = capsys.readouterr().err
+    assert (
+        f"{Path(name).name}: {'Gone since' if how == 'gone' else 'Not as'} the stage {stage}" in said
+        and said.count("\n") == 1
+    )
+    assert not (tmp_path / "b.ply").exists()

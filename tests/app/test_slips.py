@@ -215,7 +215,8 @@ def test_a_template_is_not_written_over_somebodys_file(tmp_path: Path, capsys: p
     script.write_text("mine")
     template = ["batch", "template", str(batch), "--to", "slurm"]
     assert (
-        main(template) == 2 and "batch.slurm.sh: Not written by Unveil, and so not replaced" in capsys.readouterr().err
+        main(template) == 2
+        and "batch.slurm.sh: Not replaced: Unveil did not write it, or it was changed since" in capsys.readouterr().err
     )
     assert script.read_text() == "mine"
     script.unlink()

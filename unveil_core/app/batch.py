@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shlex
 import sys
 from dataclasses import fields, replace
 from pathlib import Path
 
 from unveil_core.app.console import say
-from unveil_core.base.errors import SettingsError, UnveilError
+from unveil_core.base.errors import UnveilError
 from unveil_core.base.wording import about_as_long, about_as_much, setting_as_option, shown
 
 __all__ = ["run_batch_part"]
@@ -114,7 +113,8 @@ def _merge(arguments: argparse.Namespace) -> int:
 
 
 def _template(arguments: argparse.Namespace) -> int:
-    from unveil_core.base.files import write_atomic
+    from unveil_core.base.files import write_bytes_atomic
+    from unveil_core.base.output.single_files import of_user, whole_file
     from unveil_core.farm.manifest import read_batch
     from unveil_core.farm.template import TEMPLATES, fitting
 
@@ -123,11 +123,11 @@ def _template(arguments: argparse.Namespace) -> int:
     path: Path = arguments.batch / name
     left_out: list[UnveilError] = []
     content = text(fitting(batch, text, left_out.append)).encode()
-    if os.path.lexists(path) and name not in batch.files and not arguments.replace:
-        mend = "move it, or add --replace to write over it"
-        raise SettingsError("Not written by Unveil, and so not replaced", path=path, mend=mend)
+    receipts = of_user(replace=arguments.replace)
+    receipts.check(path)
     replace(batch, files=tuple({**dict.fromkeys(batch.files), name: None})).save()
-    write_atomic(path, lambda stream: stream.write(content))
+    with whole_file(path, receipts) as made:
+        write_bytes_atomic(made, content)
     for error in left_out:
         say(f"left out: {error}", sys.stderr)
     told = {"file": str(path), "left_out": [str(error) for error in left_out]}
