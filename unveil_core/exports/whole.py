@@ -36,7 +36,8 @@ def whole_folder(path: Path) -> Iterator[Path]:
         told: Any = parsed_json((made / TOLD).read_bytes()) if (made / TOLD).is_file() else {"generator": GENERATOR}
         names = list(files_in(made))
         like = made / names[0] if names else None  # who may not read the files may not read of them
-        files = {name: stamp_of(made / name) for name in names if name != TOLD}
+        # By size and time alone: to read it all again would take as long as to copy it.
+        files = {name: stamp_of(made / name, content=False) for name in names if name != TOLD}
         write_json_atomic(made / TOLD, {**told, "files": files}, like=like)
         check_free(path)  # meanwhile somebody may have put something there
         if path.exists():

@@ -12,20 +12,22 @@ from unveil_core.base.disk.open_safely import open_file
 __all__ = ["Stamp", "is_as_it_was", "is_unchanged", "mark_of", "stamp_of"]
 
 Stamp = list[int | str]
-"""Bytes, nanoseconds of the last change, digest in hexadecimal; as JSON has it. Of a file with more than one name, which is a link
-to somebody's, the digest is "": it is not read."""
+"""Bytes, nanoseconds of the last change, digest in hexadecimal; as JSON has it. The digest is "" where the content was not read: of
+a file with more than one name, which is a link to somebody's, and where size and time have to do."""
 PIECE = 1 << 20
 
 
-def stamp_of(file: Path) -> Stamp:
+def stamp_of(file: Path, *, content: bool = True) -> Stamp:
     """The stamp of a file, or of a link itself.
 
+    Args:
+        content: whether it is read for its digest.
     Raises:
         OSError: it cannot be read.
     """
     found = file.stat(follow_symlinks=False)
     alone = S_ISREG(found.st_mode) and found.st_nlink == 1
-    return [found.st_size, found.st_mtime_ns, _digest(file) if alone else ""]
+    return [found.st_size, found.st_mtime_ns, _digest(file) if alone and content else ""]
 
 
 def is_unchanged(file: Path, held: object) -> bool:
@@ -36,7 +38,7 @@ def is_unchanged(file: Path, held: object) -> bool:
         found = file.stat(follow_symlinks=False)
         if found.st_size != held[0]:
             return False
-        return found.st_mtime_ns == held[1] or _digest(file) == held[2]
+        return found.st_mtime_ns == held[1] or (bool(held[2]) and _digest(file) == held[2])
     except OSError:
         return False
 
