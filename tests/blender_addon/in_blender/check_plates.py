@@ -28,6 +28,13 @@ def exported(addon, finished: Path, tmp_path_factory) -> Path:  # type: ignore[n
 
 
 @pytest.fixture
+def workspace(workspace: Path) -> Path:
+    """One whose stages left no stamps: these tests put results of their own in their places."""
+    shutil.rmtree(workspace / ".made")
+    return workspace
+
+
+@pytest.fixture
 def made(addon, exported: Path, scene, workspace: Path):  # type: ignore[no-untyped-def]
     """The scene of a finished workspace, as it is after the button."""
     import bpy
