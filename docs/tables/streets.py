@@ -111,23 +111,17 @@ def without_lidar() -> str:
 
 
 def certainty() -> str:
-    """What is called certain, and how much of it is right, on streets that the fit has not seen."""
-    means = results("certainty")["mean"]
+    """What is called certain, and how much of it is right, on drives that the fit has not seen."""
+    found = results("certainty")
+    means, drives = found["mean"], found["not_fitted_on"]
     rows = []
-    for level in ("224", "232", "248"):
+    for level in ("224", str(found["certain"]), "240", "248"):
         cells: list[str] = []
-        for group in ("not_fitted_on", "checked"):
-            found = means[group]["levels"][level]
-            cells += [percent(found[k], 1) for k in ("called_certain", "certain_right", "worst")]
-        rows.append((level, *cells))
-    first, second = (means[group]["drives"] for group in ("not_fitted_on", "checked"))
-    head = (
-        "level",
-        f"called, {first} streets",
-        "right",
-        "worst street",
-        f"called, {second} others",
-        "right",
-        "worst street",
-    )
+        for group in ("real", "drawn"):
+            of_level = means[group] if int(level) == found["certain"] else means[group]["levels"][level]
+            cells += [percent(of_level[k], 1) for k in ("called_certain", "certain_right", "worst")]
+        rows.append((f"{level}, certain" if int(level) == found["certain"] else level, *cells))
+    real, drawn = (means[group]["drives"] for group in ("real", "drawn"))
+    assert real + drawn == len(drives)
+    head = ("level", f"called, {real} real drives", "right", "worst", f"called, {drawn} drawn streets", "right", "worst")
     return table(head, rows)

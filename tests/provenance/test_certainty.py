@@ -11,6 +11,7 @@ from docs.generate import ROOT
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, RELIT, SEEN_ELSEWHERE
 from unveil_core.provenance.certainty import (
     CERTAIN,
+    CERTAIN_RIGHT,
     MODELS,
     ORIGINAL_LEVEL,
     RIGHT_LEVELS,
@@ -38,8 +39,14 @@ def test_the_models_are_those_of_the_benchmark() -> None:
     found = json.loads((ROOT / "benchmarks/results/certainty.json").read_text())
     assert found["doubts"] == list(DOUBTS) and found["certain"] == CERTAIN
     assert {name: tuple(found["models"][name]) for name in KINDS} == {name: MODELS[k] for name, k in KINDS.items()}
-    assert found["mean"]["not_fitted_on"]["certain_right"] >= 0.95 and found["mean"]["checked"]["certain_right"] >= 0.95
-    assert np.quantile([drive["certain_right"] for drive in found["not_fitted_on"].values()], 0.1) >= 0.88
+
+
+def test_what_is_called_certain_is_as_often_right_behind_planted_cars_as_it_says() -> None:
+    """On real drives, each predicted by a fit that has not seen it."""
+    found = json.loads((ROOT / "benchmarks/results/certainty.json").read_text())
+    real = found["mean"]["real"]
+    assert real["drives"] >= 3 and abs(real["certain_right"] - CERTAIN_RIGHT) <= 0.02
+    assert all(drive["certain_right"] >= CERTAIN_RIGHT - 0.025 for drive in found["not_fitted_on"].values())
 
 
 def test_what_no_frame_shows_is_never_certain() -> None:

@@ -15,7 +15,7 @@ from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.provenance import ORIGINS
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
-from unveil_core.provenance.certainty import CERTAIN, ORIGINAL_LEVEL
+from unveil_core.provenance.certainty import CERTAIN, CERTAIN_RIGHT, ORIGINAL_LEVEL
 from unveil_core.report.pictures import fitted
 from unveil_core.report.wording import decibels, percent
 from unveil_core.workspace.files import frame_file
@@ -127,7 +127,8 @@ def certainty_cards(metrics: dict[str, Any]) -> list[tuple[str, str]]:
     found = metrics.get("certainty", {})
     if found.get("certain") is None:
         return []
-    text = f"of what was changed counts as certain ({CERTAIN} of {ORIGINAL_LEVEL} and more)"
+    said = f"{CERTAIN} of {ORIGINAL_LEVEL} and more: {percent(CERTAIN_RIGHT)} right on real drives"
+    text = f"of what was changed counts as certain ({said})"
     if found.get("certain_right") is not None:
         text += f"; {percent(found['certain_right'])} of that is right"
     return [(percent(found["certain"]), text)]
