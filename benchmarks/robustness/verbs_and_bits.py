@@ -69,7 +69,7 @@ def contents(folder: Path) -> dict[str, str]:
     return found
 
 
-def killed(words: list[object], output: Path, times: int, generator: np.random.Generator, root: Path) -> dict[str, Any]:
+def killed(words: list[object], output: Path, times: int, generator: np.random.Generator) -> dict[str, Any]:
     """What is wrong after kills of a verb that writes to ``output``, each followed by the same call."""
     begun = time.monotonic()
     first = call(*words)
@@ -88,9 +88,11 @@ def killed(words: list[object], output: Path, times: int, generator: np.random.G
         process.wait()
         again = call(*words)
         wrong["not ended well"] += again.returncode != 0
-        wrong["other files"] += contents(output) != whole
+        now = contents(output)
+        wrong["other files"] += now != whole
+        other = [n for n in whole.keys() | now.keys() if whole.get(n) != now.get(n)]
         wrong["left behind"] += sorted(p.name for p in output.parent.iterdir()) != names
-        print(words[0], turn, dict(wrong), again.stderr[-200:] if again.returncode else "", flush=True)
+        print(words[0], turn, dict(wrong), other[:5], again.stderr[-200:] if again.returncode else "", flush=True)
     return {"kills": times, "seconds": round(seconds, 1), **{k: int(v) for k, v in wrong.items()}}
 
 
@@ -182,17 +184,17 @@ def main() -> None:
                 "--camera-height",
                 "1.55",
             ]
-            found["solve"] = killed(words, drive, arguments.solve, generator, root)
+            found["solve"] = killed(words, drive, arguments.solve, generator)
         if arguments.mask:
             masks = root / "m/masks"
             words = ["mask", street, "-o", masks, "--object", "car", "--click", "0:250,150"]
-            found["mask"] = killed(words, masks, arguments.mask, generator, root)
+            found["mask"] = killed(words, masks, arguments.mask, generator)
         if arguments.export or arguments.flips:
             ws = root / "ws"
             assert call("run", street, "-o", ws, "--quality", "draft").returncode == 0
         if arguments.export:
             words = ["export", ws, "--to", FORMATS, "-o", root / "e/out"]
-            found["export"] = killed(words, root / "e/out", arguments.export, generator, root)
+            found["export"] = killed(words, root / "e/out", arguments.export, generator)
         if arguments.flips:
             found["bits"] = flipped(ws, arguments.flips, generator, root)
     write_json_atomic(RESULTS, {**found, "machine": machine()})

@@ -4,14 +4,14 @@ export made, and nobody changed since, is replaced."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import move, parsed_json, write_json_atomic
+from unveil_core.base.files import parsed_json, write_json_atomic
 from unveil_core.base.output.own_folder import stamps_in
-from unveil_core.base.output.scratch import scratch_folder
+from unveil_core.base.output.scratch import exchanged, scratch_folder
 from unveil_core.base.output.stamps import is_as_it_was, stamp_of
 from unveil_core.base.output.written import EXPORTED, GENERATOR, check_replaceable, files_in, written_in
 
@@ -30,7 +30,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """
     check_free(path)
     with scratch_folder(path.parent, "export") as folder:
-        made, before = folder / "made", folder / "before"
+        made = folder / "made"
         made.mkdir()
         yield made
         told: Any = parsed_json((made / TOLD).read_bytes()) if (made / TOLD).is_file() else {"generator": GENERATOR}
@@ -40,14 +40,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
         files = {name: stamp_of(made / name, content=False) for name in names if name != TOLD}
         write_json_atomic(made / TOLD, {**told, "files": files}, like=like)
         check_free(path)  # meanwhile somebody may have put something there
-        if path.exists():
-            move(path, before)
-        try:
-            move(made, path)
-        except OSError:
-            with suppress(OSError):
-                move(before, path)
-            raise
+        exchanged(made, path)
 
 
 def tell(folder: Path, name: str, content: Mapping[str, Any]) -> None:

@@ -204,7 +204,8 @@ def _take(said: Said, thing: Recorded, drive: Drive, folder: Path, pictures: dic
                 f"Not in the picture: {x:g},{y:g} of frame {said.frame}, which has {size} pixels",
                 mend="count from its upper left",
             )
-        getattr(own, said.what).append((x, y))
+        if (x, y) not in (clicks := getattr(own, said.what)):  # a call that was killed is made again
+            clicks.append((x, y))
         return
     kind = "matte" if said.what.startswith("matte") else "stroke"
     name = f"given/{thing.folder}/{key}_{kind}.png"

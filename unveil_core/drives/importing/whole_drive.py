@@ -9,7 +9,6 @@ its file: frames are delivered at its size and in its lens.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.open_safely import LARGEST_TEXT
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import move, read_own_json, write_image_atomic, write_json_atomic
-from unveil_core.base.output.scratch import scratch_folder
+from unveil_core.base.output.scratch import exchanged, scratch_folder
 from unveil_core.base.output.written import check_replaceable
 from unveil_core.base.parallel import each
 from unveil_core.base.progress import Progress, no_progress
@@ -121,9 +120,7 @@ def import_drive(
         with scratch_folder(destination.parent, destination.name) as scratch:
             drive = _write(as_read, drive, scratch / "drive", work_side, refine, Kept(), progress)
             _check_own(destination)  # meanwhile somebody may have put something there
-            if destination.is_dir():
-                shutil.rmtree(destination)
-            move(scratch / "drive", destination)
+            exchanged(scratch / "drive", destination)
     elif not (destination / CAMERAS).is_file():
         partial = destination.with_name(f".{destination.name}.partial")
         drive = _write(as_read, drive, partial, work_side, refine, kept, progress)
