@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.drives.tiny_drive import make_tiny_drive
-from tests.solve.films import write_frames
+from tests.solve.films import write_clip, write_frames
 from unveil_core.app.cli import main
 from unveil_core.app.footage.solve import footage_settings, is_footage_alone, next_step, summary
 from unveil_core.app.given_settings import settings_of
@@ -132,3 +132,13 @@ def test_the_summary_says_what_matters() -> None:
 def test_a_drive_without_labels_is_outlined_next(tmp_path: Path) -> None:
     assert next_step(Path("drive"), SolveSettings()).startswith("unveil mask drive -o masks --click")
     assert next_step(Path("drive"), SolveSettings(labels=tmp_path)) == "unveil run drive -o WORKSPACE"
+
+
+def test_results_go_beside_the_footage_and_never_into_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pycolmap")
+    pytest.importorskip("av")
+    pictures = [np.full((40, 60, 3), k, np.uint8) for k in range(8)]
+    folder, clip = write_frames(tmp_path / "frames", pictures), write_clip(tmp_path / "clip.mp4", pictures)
+    for footage, place, code in ((folder, "out", 0), (clip, "out", 0), (folder, "frames/out", 2), (folder, "", 2)):
+        words = ["run", str(footage), "-o", str(tmp_path / place), "--dry-run", "--until", "objects"]
+        assert main(words) == code, capsys.readouterr().err
