@@ -11,6 +11,8 @@ import pytest
 
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from unveil_core.app.cli import main
+from unveil_core.pipeline.run import run
+from unveil_core.pipeline.status import stage_states
 from unveil_core.workspace.workspace import Workspace
 
 
@@ -126,3 +128,13 @@ def test_another_choice_does_not_make_the_scene_stale(root: Path, capsys: pytest
     assert main(["choose", str(root)]) == 0
     changed = states(root, capsys, "--instances", "300")
     assert changed["choose"] == "stale" and changed["segment"] == "done"
+
+
+def test_a_drive_that_was_named_from_the_working_folder_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_tiny_drive(tmp_path / "drive")
+    monkeypatch.chdir(tmp_path)
+    workspace = run(Path("drive"), Path("w"), until="import")
+    monkeypatch.chdir(tmp_path.parent)
+    assert stage_states(Workspace.open(tmp_path / "w"))["import"] == "done", workspace.root

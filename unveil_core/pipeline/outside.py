@@ -73,7 +73,7 @@ def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> 
         from unveil_core.labelling.segmenter import segmenter_files
 
         files += segmenter_files(settings.networks["segmenter"])
-    return [(str(path), path) for path in dict.fromkeys(files)]  # a table holds many sweeps
+    return [(str(path.absolute()), path) for path in dict.fromkeys(files)]  # a table holds many sweeps
 
 
 def check_segmenter(settings: RunSettings) -> None:
