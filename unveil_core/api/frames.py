@@ -87,8 +87,7 @@ class FrameView:
         Raises:
             DriveError: it cannot be read.
         """
-        footage = self.imported.footage
-        return _with_channels(self.imported.image_path if self.size == "work" or footage is None else footage.path)
+        return _with_channels(self.imported.image_path if self.size == "work" else self.imported.footage_path)
 
     def clean(self) -> Picture:
         """The same of the empty street.

@@ -102,7 +102,7 @@ def render_views(
     surfels, sky = read_scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
     first = drive.frames[0]
-    colours = read_metadata(first.image_path if first.footage is None else first.footage.path).of_color
+    colours = read_metadata(first.footage_path).of_color
     frames = []
     try:
         with OwnFolder(output, mend="name an empty folder, or one that was rendered to, with -o") as own:

@@ -135,6 +135,11 @@ class Frame:
     codes: LabelCodes = field(default_factory=LabelCodes)
     plate: PlateColours | None = None
 
+    @property
+    def footage_path(self) -> Path:
+        """The file as it came: of the footage, or the photograph where that is it."""
+        return self.image_path if self.footage is None else self.footage.path
+
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:

@@ -109,7 +109,7 @@ def marked_objects(setting: str | None) -> tuple[MarkedObject, ...]:
 
 def marks_of_footage(frames: Sequence[Frame]) -> list[str]:
     """A mark of the footage of each frame, see :func:`unveil_core.base.output.stamps.mark_of`."""
-    return [mark_of(f.footage.path if f.footage is not None else f.image_path, f.name) for f in frames]
+    return [mark_of(f.footage_path, f.name) for f in frames]
 
 
 def told_of_footage(marked: Path, frames: Sequence[Frame]) -> tuple[str, ...]:

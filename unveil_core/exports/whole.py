@@ -10,10 +10,9 @@ from typing import Any
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import parsed_json, write_json_atomic
-from unveil_core.base.output.own_folder import stamps_in
 from unveil_core.base.output.scratch import exchanged, scratch_folder
 from unveil_core.base.output.stamps import is_as_it_was, stamp_of
-from unveil_core.base.output.written import EXPORTED, GENERATOR, check_replaceable, files_in, written_in
+from unveil_core.base.output.written import EXPORTED, GENERATOR, check_replaceable, files_in, stamps_in, written_in
 
 __all__ = ["TOLD", "camera_file", "check_free", "tell", "whole_folder"]
 

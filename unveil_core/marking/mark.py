@@ -171,7 +171,7 @@ def _mark(
         shown.append(Shown(thing, prompts, masks))
     write_record(own.new, things, marks_of_footage(drive.frames))
     write_page(own, things, shown, drive, images.__getitem__)
-    own.exchange(rights=rights_of_files(f.image_path if f.footage is None else f.footage.path for f in drive.frames))
+    own.exchange(rights=rights_of_files(f.footage_path for f in drive.frames))
     return found
 
 

@@ -58,4 +58,4 @@ def _photograph(frame: Frame) -> bytes:
     """The file of a frame as read, or of an imported one as it came."""
     if frame.image_bytes is not None:
         return frame.image_bytes()
-    return read_bytes(frame.image_path if frame.footage is None else frame.footage.path)
+    return read_bytes(frame.footage_path)

@@ -11,9 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.disk.open_safely import LARGEST_TEXT, open_file
+from unveil_core.base.disk.open_safely import LARGEST_TEXT
 from unveil_core.base.files import read_own_json, write_json_atomic
-from unveil_core.base.output.stamps import Stamp
+from unveil_core.base.output.stamps import Stamp, digest_of
 from unveil_core.base.surroundings.user_cache import user_cache_folder
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.source_digest import code_digest
@@ -60,8 +60,7 @@ class Digests:
         held = self.known.get(key)
         if held is not None and held[:-1] == marks:
             return str(held[-1])
-        with open_file(path) as stream:
-            digest = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()  # type: ignore[arg-type]
+        digest = digest_of(path, links=True)
         self.known[key] = [*marks, digest]
         return digest
 

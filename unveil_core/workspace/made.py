@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.files import move, write_json_atomic
-from unveil_core.base.output.own_folder import stamps_in
 from unveil_core.base.output.stamps import Stamp, is_as_it_was, stamp_of
-from unveil_core.base.output.written import GENERATOR, files_in, strangers
+from unveil_core.base.output.written import GENERATOR, files_in, stamps_in, strangers
 
 __all__ = ["KEPT", "half_written", "keep_strangers", "made_by", "note_made"]
 
@@ -64,12 +63,13 @@ def keep_strangers(root: Path, stage: str, name: str, source: Path, recorded: Ma
         or (note is None and name in recorded.get("outputs", ()))
     ):
         return
-    own = [n for n, stamp in (note or {}).items() if is_as_it_was(root / n, stamp)]
+    listed = {n: stamp for n, stamp in (note or {}).items() if n == name or n.startswith(f"{name}/")}
+    own = [n for n, stamp in listed.items() if is_as_it_was(root / n, stamp)]
     if not target.is_dir():
         if name not in own:
             _put_aside(root, target)
         return
-    for stranger in list(strangers(target, [n.removeprefix(f"{name}/") for n in own if n.startswith(f"{name}/")])):
+    for stranger in list(strangers(target, [n.removeprefix(f"{name}/") for n in own])):
         there = source / stranger.relative_to(target)
         if source.is_dir() and not os.path.lexists(there) and _may_make(there.parent):
             move(stranger, there)

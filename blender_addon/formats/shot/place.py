@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..files import is_link
-from ..open_safely import LARGEST_TEXT, read_bytes
+from ..open_safely import LARGEST_TEXT, json_in
 from ..writing.new_files import GENERATOR, NewFiles, new_files
 
 __all__ = ["CAMERAS", "POINTS", "NoPlace", "check_place", "shot_folder"]
@@ -73,7 +72,7 @@ def _is_shot(folder: Path) -> bool:
     """Whether all that tells a drive in a folder is the file that a shot has."""
     if any((folder / name).exists() for name in DRIVES if name != CAMERAS):
         return False
-    with suppress(OSError, ValueError, RecursionError):
-        content = json.loads(read_bytes(folder / CAMERAS, LARGEST_TEXT))
+    with suppress(OSError, ValueError):
+        content = json_in(folder / CAMERAS, LARGEST_TEXT)
         return isinstance(content, dict) and content.get("generator") == GENERATOR
     return False

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from ..files import discard, is_link, move, write_whole
-from ..open_safely import LARGEST_SCENE, LARGEST_TEXT, open_file, read_bytes
+from ..open_safely import LARGEST_SCENE, LARGEST_TEXT, json_in, open_file
 
 __all__ = ["GENERATOR", "NewFiles", "Somebodys", "new_files", "record_of"]
 
@@ -193,8 +193,8 @@ class NewFiles:
 
 def record_of(folder: Path) -> dict[str, Any]:
     """What the record in a folder tells; empty where there is none, or none of this add-on."""
-    with suppress(OSError, ValueError, RecursionError):
-        content = json.loads(read_bytes(folder / RECORD, LARGEST_TEXT))
+    with suppress(OSError, ValueError):
+        content = json_in(folder / RECORD, LARGEST_TEXT)
         if isinstance(content, dict) and content.pop("generator", "") == GENERATOR:
             return {key: value for key, value in content.items() if key not in LISTS or isinstance(value, dict)}
     return {}

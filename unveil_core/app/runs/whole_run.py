@@ -55,7 +55,9 @@ def run_all(arguments: argparse.Namespace) -> int:
     if not is_footage_alone(arguments.drive):
         without_footage(arguments)
         return _run_and_sum_up(arguments.drive, arguments)
-    check_place(arguments.output, [arguments.drive] if arguments.drive.is_dir() else [])  # beside a clip is where results go
+    check_place(
+        arguments.output, [arguments.drive] if arguments.drive.is_dir() else []
+    )  # beside a clip is where results go
     if arguments.dry_run:
         return _plan_footage(arguments)
     return _run_and_sum_up(drive_beside(arguments.output), arguments, footage=arguments.drive)

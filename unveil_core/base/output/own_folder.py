@@ -26,25 +26,13 @@ from unveil_core.base.disk.rights import keep_rights
 from unveil_core.base.errors import DiskFullError, SettingsError, WorkspaceError
 from unveil_core.base.files import full_disk, move, read_own_json, write_json_atomic
 from unveil_core.base.output.stamps import Stamp, is_as_it_was, is_unchanged, stamp_of
-from unveil_core.base.output.written import GENERATOR, LARGEST_RECORD, RECORD, files_in, is_ours, record_of
+from unveil_core.base.output.written import GENERATOR, LARGEST_RECORD, RECORD, files_in, is_ours, record_of, stamps_in
 
-__all__ = ["EXCHANGE", "NEW", "OwnFolder", "stamps_in"]
+__all__ = ["EXCHANGE", "NEW", "OwnFolder"]
 
 NEW, EXCHANGE = ".unveil.new", ".unveil.exchange.json"
 """Names that nobody else's files have: what is in the folder of new files is thrown away."""
 MEND = "move it away, or name another folder with -o"
-
-
-def stamps_in(folder: Path, record: str = RECORD) -> dict[str, Stamp | None] | None:
-    """The files that were written in a folder, relative to it and with "/", each with its stamp, None where it has none; None where
-    the folder has no record of this program."""
-    content = record_of(folder / record)
-    if content is None:
-        return None
-    listed = content.get("files")
-    if isinstance(listed, dict):
-        return {n: s if isinstance(s, list) else None for n, s in listed.items() if is_inside(n)}
-    return {n: None for n in listed if is_inside(n)} if isinstance(listed, list) else {}
 
 
 class OwnFolder:

@@ -9,12 +9,11 @@ from stat import S_ISREG
 
 from unveil_core.base.disk.open_safely import open_file
 
-__all__ = ["Stamp", "is_as_it_was", "is_unchanged", "mark_of", "stamp_of"]
+__all__ = ["Stamp", "digest_of", "is_as_it_was", "is_unchanged", "mark_of", "stamp_of"]
 
 Stamp = list[int | str]
 """Bytes, nanoseconds of the last change, digest in hexadecimal; as JSON has it. The digest is "" where the content was not read: of
 a file with more than one name, which is a link to somebody's, and where size and time have to do."""
-PIECE = 1 << 20
 
 
 def stamp_of(file: Path, *, content: bool = True) -> Stamp:
@@ -27,7 +26,7 @@ def stamp_of(file: Path, *, content: bool = True) -> Stamp:
     """
     found = file.stat(follow_symlinks=False)
     alone = S_ISREG(found.st_mode) and found.st_nlink == 1
-    return [found.st_size, found.st_mtime_ns, _digest(file) if alone and content else ""]
+    return [found.st_size, found.st_mtime_ns, digest_of(file) if alone and content else ""]
 
 
 def is_unchanged(file: Path, held: object) -> bool:
@@ -38,7 +37,7 @@ def is_unchanged(file: Path, held: object) -> bool:
         found = file.stat(follow_symlinks=False)
         if found.st_size != held[0]:
             return False
-        return found.st_mtime_ns == held[1] or (bool(held[2]) and _digest(file) == held[2])
+        return found.st_mtime_ns == held[1] or (bool(held[2]) and digest_of(file) == held[2])
     except OSError:
         return False
 
@@ -60,9 +59,13 @@ def mark_of(file: Path, name: str) -> str:
     return hashlib.blake2b(told, digest_size=8).hexdigest()
 
 
-def _digest(file: Path) -> str:
-    found = hashlib.blake2b(digest_size=16)
-    with open_file(file, links=False) as stream:
-        while piece := stream.read(PIECE):
-            found.update(piece)
-    return found.hexdigest()
+def digest_of(file: Path, *, links: bool = False) -> str:
+    """The digest of a file's content, as stamps have it.
+
+    Args:
+        links: whether a symbolic link is followed.
+    Raises:
+        OSError: it cannot be read.
+    """
+    with open_file(file, links=links) as stream:
+        return hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()  # type: ignore[arg-type]

@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
+from unveil_core.base.checks.names import is_inside
 from unveil_core.base.errors import SettingsError, UnveilError
 from unveil_core.base.files import read_own_json
+from unveil_core.base.output.stamps import Stamp
 
 __all__ = [
     "DRIVE",
@@ -26,6 +28,7 @@ __all__ = [
     "files_in",
     "is_ours",
     "record_of",
+    "stamps_in",
     "strangers",
     "written_in",
 ]
@@ -57,16 +60,22 @@ def record_of(path: Path) -> dict[str, Any] | None:
     return None
 
 
-def written_in(folder: Path, record: str = RECORD) -> frozenset[str] | None:
-    """Names of the files that were written in a folder, relative to it and with "/", the record among them; None where it has no
-    record of this program."""
+def stamps_in(folder: Path, record: str = RECORD) -> dict[str, Stamp | None] | None:
+    """The files that were written in a folder, relative to it and with "/", each with its stamp, None where it has none; None where
+    the folder has no record of this program."""
     content = record_of(folder / record)
     if content is None:
         return None
     listed = content.get("files")
-    return frozenset(
-        {record, *(n for n in listed if isinstance(n, str))} if isinstance(listed, list | dict) else {record}
-    )
+    if isinstance(listed, dict):
+        return {n: s if isinstance(s, list) else None for n, s in listed.items() if is_inside(n)}
+    return {n: None for n in listed if is_inside(n)} if isinstance(listed, list) else {}
+
+
+def written_in(folder: Path, record: str = RECORD) -> frozenset[str] | None:
+    """The names of :func:`stamps_in` alone, that of the record among them."""
+    found = stamps_in(folder, record)
+    return None if found is None else frozenset({record, *found})
 
 
 def check_replaceable(

@@ -22,7 +22,7 @@ def check_whole(path: Path) -> None:
     Raises:
         DriveError: one was.
     """
-    folder = path if path.is_dir() else path.parent
+    folder = _folder_of(path)
     if (folder / EXCHANGE).is_file():
         raise DriveError(
             "Not whole: a command was ended while it put its files here", path=folder, mend="call it again: it goes on"
@@ -31,12 +31,12 @@ def check_whole(path: Path) -> None:
 
 def is_solved(path: Path) -> bool:
     """Whether ``unveil solve`` made a drive, given as its folder or a file in it."""
-    return ((path if path.is_dir() else path.parent) / SOLVED).is_file()
+    return (_folder_of(path) / SOLVED).is_file()
 
 
 def told_of_solve(path: Path) -> tuple[str, ...]:
     """What a user should know of it, one line each."""
-    folder = path if path.is_dir() else path.parent
+    folder = _folder_of(path)
     held = record_of(folder / SOLVED)
     if held is None:
         return ()
@@ -48,3 +48,7 @@ def told_of_solve(path: Path) -> tuple[str, ...]:
             "a later solve of this drive did not end, and what it made so far is not used: call unveil solve again"
         )
     return tuple(lines)
+
+
+def _folder_of(path: Path) -> Path:
+    return path if path.is_dir() else path.parent

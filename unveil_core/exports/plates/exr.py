@@ -100,7 +100,7 @@ def _color(job: Job, frame: Frame, light: LinearLight) -> Layers:
 
 def _noted(frame: Frame) -> dict[str, Any]:
     """What the camera noted, as OpenEXR's standard attributes."""
-    facts = exif_facts(read_metadata(frame.image_path if frame.footage is None else frame.footage.path).exif)
+    facts = exif_facts(read_metadata(frame.footage_path).exif)
     offset = facts.utc_offset_s
     known = {
         "cameraMake": facts.make,
